@@ -1,0 +1,67 @@
+"""How a rule becomes machine code: ``@kernel`` compiles a small readable loop once and keeps it on disk.
+
+Numba's own cache looks only at the file that holds a kernel, so a caller would keep using an old version of a
+rule that lives in another file. Here the cache folder is named after the state of *all* project sources: any edit
+gets a fresh folder, and a process never runs a stale rule.
+"""
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+_PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
+_KEPT_CACHES = 4
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _sources_fingerprint(root: Path) -> str:
+    digest = hashlib.blake2b(digest_size=8)
+    for package in _PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            stat = path.stat()
+            digest.update(f"{path.relative_to(root)}:{stat.st_mtime_ns}:{stat.st_size}\n".encode())
+    digest.update(numba.__version__.encode())
+    return digest.hexdigest()
+
+
+def _choose_cache() -> Path:
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rsc-swarm"
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+        if not os.access(base, os.W_OK):
+            raise PermissionError(base)
+    except OSError:
+        base = Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
+        base.mkdir(parents=True, exist_ok=True)
+    chosen = base / f"kernels-{_sources_fingerprint(Path(__file__).resolve().parent.parent)}"
+    if not chosen.exists():
+        chosen.mkdir(exist_ok=True)
+        old = sorted(base.glob("kernels-*"), key=lambda path: path.stat().st_mtime, reverse=True)
+        for path in old[_KEPT_CACHES:]:
+            shutil.rmtree(path, ignore_errors=True)
+    return chosen
+
+
+CACHE_DIR = _choose_cache()
+numba.config.CACHE_DIR = str(CACHE_DIR)
+
+
+def kernel(function: F) -> F:
+    """Compile ``function`` to machine code on first call; later processes load it from disk.
+
+    Strict IEEE arithmetic (no fast-math): the same inputs give the same bits in every process of a machine, which
+    is what lets a flight in 25 processes have the digest of its in-process twin.
+    """
+    return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+
+
+def parallel_kernel(function: F) -> F:
+    """As `kernel`, for a loop over independent rows that may use several threads (``numba.prange``)."""
+    return cast(F, numba.njit(cache=True, error_model="numpy", parallel=True)(function))
