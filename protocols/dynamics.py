@@ -1,0 +1,29 @@
+"""How a drone moves: the double integrator with its limits (paper, eq. "Unified dynamics constraints").
+
+    a   = Pi_a_max(a_command)          Pi_rho(x) = x min(1, rho / |x|)
+    v'  = Pi_v_max(v + a dt)
+    p'  = p + dt/2 (v + v')
+"""
+
+import math
+
+from protocols.kernels import kernel
+
+
+@kernel
+def clip_ball(x: float, y: float, radius: float) -> tuple[float, float]:
+    """The vector (x, y) shortened to at most ``radius``."""
+    length = math.sqrt(x * x + y * y)
+    if length <= radius:
+        return x, y
+    return x * radius / length, y * radius / length
+
+
+@kernel
+def integrate(
+    px: float, py: float, vx: float, vy: float, ax: float, ay: float, a_max: float, v_max: float, dt: float
+) -> tuple[float, float, float, float]:
+    """Position [m] and velocity [m/s] after one step of ``dt`` seconds under the commanded acceleration [m/s^2]."""
+    ax, ay = clip_ball(ax, ay, a_max)
+    wx, wy = clip_ball(vx + ax * dt, vy + ay * dt, v_max)
+    return px + 0.5 * dt * (vx + wx), py + 0.5 * dt * (vy + wy), wx, wy
