@@ -1,8 +1,8 @@
 """How a rule becomes machine code: ``@kernel`` compiles a small readable loop once and keeps it on disk.
 
 Numba's own cache looks only at the file that holds a kernel, so a caller would keep using an old version of a
-rule that lives in another file. Here the cache folder is named after the state of *all* project sources: any edit
-gets a fresh folder, and a process never runs a stale rule.
+rule that lives in another file. Here the cache folder is named after the text of *all* files that hold kernels: any
+edit gets a fresh folder, and a process never runs a stale rule.
 """
 
 import hashlib
@@ -22,12 +22,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _sources_fingerprint(root: Path) -> str:
-    digest = hashlib.blake2b(digest_size=8)
+    digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for package in _PACKAGES:
         for path in sorted((root / package).rglob("*.py")):
-            stat = path.stat()
-            digest.update(f"{path.relative_to(root)}:{stat.st_mtime_ns}:{stat.st_size}\n".encode())
-    digest.update(numba.__version__.encode())
+            source = path.read_bytes()
+            if b"@kernel" in source:
+                digest.update(source)
     return digest.hexdigest()
 
 
@@ -61,7 +61,3 @@ def kernel(function: F) -> F:
     """
     return cast(F, numba.njit(cache=True, error_model="numpy")(function))
 
-
-def parallel_kernel(function: F) -> F:
-    """As `kernel`, for a loop over independent rows that may use several threads (``numba.prange``)."""
-    return cast(F, numba.njit(cache=True, error_model="numpy", parallel=True)(function))

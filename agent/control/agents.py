@@ -1,0 +1,95 @@
+"""Keeping apart from other agents: what one neighbour adds to the acceleration.
+
+- Morse repulsion below its range: ``A (E² - E) n`` with ``E = exp(-al (d - d0))``.
+- Closest approach, while the two approach each other: push away from the point at which the other would pass, more
+  the sooner, the faster and the closer that is; and brake along the line between them.
+- Giving way: when the other is ahead and near, a step aside, to the same hand for everyone, so that two agents face
+  to face pass each other instead of balancing.
+- A barrier near contact, which a slow drift cannot creep through.
+
+``n`` is the unit vector from the other to me. Every rule is local to a pair, so the sum over neighbours does not depend
+on N.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.control.gains import Gains
+from protocols.kernels import kernel
+
+CONTACT = 0.5  #: m, the distance at which two agents collide
+
+
+@kernel
+def pair_term(
+    r_x: float, r_y: float, w_x: float, w_y: float, u_x: float, u_y: float, gains: Gains
+) -> tuple[float, float]:
+    """Acceleration [m/s²] because of one neighbour.
+
+    ``r``: its position minus mine [m]; ``w``: its velocity minus mine [m/s]; ``u``: my heading (unit).
+    """
+    d = math.sqrt(r_x * r_x + r_y * r_y)
+    if d < 1e-6:
+        return 0.0, 0.0
+    n_x = -r_x / d
+    n_y = -r_y / d
+    a_x = 0.0
+    a_y = 0.0
+
+    if d < gains.morse_range:
+        e = math.exp(-gains.morse_decay * (d - gains.morse_range))
+        push = gains.morse_strength * (e * e - e)
+        a_x += push * n_x
+        a_y += push * n_y
+        if r_x * u_x + r_y * u_y > 0.0:
+            aside = gains.sidestep * (1.0 - d / gains.morse_range)
+            a_x -= aside * n_y
+            a_y += aside * n_x
+    if d < gains.agent_barrier_range:
+        push = gains.agent_barrier * (gains.agent_barrier_range - d) / max(d - CONTACT + 0.01, 0.01)
+        a_x += push * n_x
+        a_y += push * n_y
+
+    opening = r_x * w_x + r_y * w_y
+    if opening < 0.0:
+        speed2 = w_x * w_x + w_y * w_y
+        time = -opening / speed2
+        miss_x = -(r_x + w_x * time)
+        miss_y = -(r_y + w_y * time)
+        miss = math.sqrt(miss_x * miss_x + miss_y * miss_y)
+        conflict = 1.0 - miss / gains.predict_radius
+        if conflict > 0.0:
+            speed = math.sqrt(speed2)
+            if miss > 1e-6:
+                miss_x /= miss
+                miss_y /= miss
+            else:
+                miss_x = -w_y / speed
+                miss_y = w_x / speed
+            push = gains.predict_gain * conflict * math.exp(-time / gains.predict_time) * speed
+            closing = -opening / d
+            brake = gains.agent_brake * conflict * closing * closing / (2.0 * max(d - CONTACT, 0.1))
+            a_x += push * miss_x + brake * n_x
+            a_y += push * miss_y + brake * n_y
+    return a_x, a_y
+
+
+@kernel
+def agent_terms(
+    k: int,
+    rel: NDArray[np.float64],
+    vel: NDArray[np.float64],
+    u_x: float,
+    u_y: float,
+    gains: Gains,
+) -> tuple[float, float]:
+    """Sum of ``pair_term`` over the first ``k`` rows of ``rel`` [m] and ``vel`` [m/s], both (K, 2), other minus me."""
+    a_x = 0.0
+    a_y = 0.0
+    for j in range(k):
+        b_x, b_y = pair_term(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], u_x, u_y, gains)
+        a_x += b_x
+        a_y += b_y
+    return a_x, a_y

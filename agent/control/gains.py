@@ -1,0 +1,68 @@
+"""The constants of the analytic controller and of the safety filter, each with its unit and meaning.
+
+Weights are folded into the gains: the controller is the plain sum of its terms, without outer factors. Both tables are
+named tuples of floats, which kernels take by value.
+"""
+
+from typing import NamedTuple
+
+
+class Gains(NamedTuple):
+    """What the analytic controller wants: one number per rule.
+
+    Errors are "target minus own position" in metres; accelerations in m/s²; every distance is centre to centre for
+    agents and centre to surface for obstacles.
+    """
+
+    # Attraction: chain target (set by the leader's position), slot target (set by the virtual target), heading.
+    chain_pull: float = 0.782  #: 1/s², pull towards the chain target
+    chain_reach: float = 1.095  #: m, chain error beyond which the pull no longer grows
+    chain_damping: float = 0.029  #: 1/s, on the velocity relative to the target's
+    slot_pull: float = 2.773  #: 1/s², pull towards the slot target
+    slot_reach: float = 2.073  #: m, slot error beyond which the pull no longer grows
+    slot_damping: float = 1.151  #: 1/s, on the velocity relative to the target's
+    look_ahead: float = 5.727  #: m along the target's motion, added to the error to make the heading
+
+    # Agents: Morse repulsion, closest approach, braking, giving way, near-contact barrier.
+    morse_strength: float = 0.252  #: m/s²
+    morse_decay: float = 0.741  #: 1/m
+    morse_range: float = 1.41  #: m, no repulsion and no giving way beyond
+    predict_gain: float = 3.905  #: 1/s, on the closing velocity, away from the predicted miss point
+    predict_radius: float = 1.667  #: m, a predicted miss distance beyond this is no conflict
+    predict_time: float = 1.744  #: s, time constant with which later conflicts count less
+    agent_brake: float = 1.627  #: share of the braking that would stop the closing just in time
+    sidestep: float = 2.237  #: m/s², sideways, when the other is ahead
+    agent_barrier: float = 1.787  #: m/s²
+    agent_barrier_range: float = 1.234  #: m
+
+    # Obstacles: repulsion, braking, barrier; then the way around.
+    obstacle_repulsion: float = 5.491  #: m/s² at contact distance
+    obstacle_range: float = 4.637  #: m from the surface, no push beyond
+    obstacle_brake: float = 2.134  #: share of the braking that would stop the closing just in time
+    obstacle_barrier: float = 0.415  #: m/s²
+    obstacle_barrier_range: float = 0.988  #: m from the surface
+    around: float = 12.0  #: m/s² at contact distance, along the surface, past an obstacle that blocks the heading
+    release: float = 0.543  #: share of the attraction into a blocking obstacle that is taken away
+    cluster_gap: float = 2.183  #: m between surfaces, below which two obstacles count as one
+    keep_side: float = 1.558  #: m beyond obstacle_range within which the side once chosen is remembered
+    lane: float = 0.6  #: m, half width of the lane along the heading that must be free of obstacles
+    stick: float = 1e9
+    x_ext: float = 0.0
+    x_block: float = 0.0
+
+
+class SafetyLimits(NamedTuple):
+    """What the safety filter enforces: the braking-distance barrier of each neighbour and obstacle."""
+
+    max_acceleration: float = 10.0  #: m/s², ball
+    decay: float = 4.0  #: 1/s, how fast the barrier h may shrink: dh/dt >= -decay h
+    agent_brake: float = 12.0  #: m/s², braking assumed of a pair of agents together
+    agent_clearance: float = 0.65  #: m, centre to centre
+    agent_share: float = 0.5  #: share of a pair's burden that one of the two takes
+    obstacle_brake: float = 6.0  #: m/s², braking assumed before an obstacle
+    obstacle_clearance: float = 0.6  #: m from the surface
+    row_limit: float = 9.0  #: m/s², no single row asks for more than this
+
+
+GAINS = Gains()
+LIMITS = SafetyLimits()

@@ -1,0 +1,72 @@
+"""What a drone remembers, as rows of arrays (one row per hosted drone)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.frames import MAX_KNOWN
+from protocols.relative import NEVER, UNKNOWN
+from protocols.sensed import MAX_NEAR, MAX_OBSTACLES
+
+
+class Memory(NamedTuple):
+    """Shapes: A hosted drones, N drones of the swarm, K = MAX_NEAR, M = MAX_OBSTACLES.
+
+    heard_*: (A, N, ...) what the last frame of each drone said. last_seen: (A, N) tick at which anybody, as far as is
+    known here, last heard each drone. hops, rel: multi-hop relative positions (protocols.relative).
+    near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
+    and the side on which each is being passed. obstacle_rel: disc centres relative to the drone now.
+    """
+
+    heard_tick: NDArray[np.int64]
+    heard_motion: NDArray[np.float32]
+    heard_observation: NDArray[np.int16]
+    heard_one_hop: NDArray[np.int64]
+    heard_count: NDArray[np.int64]
+    heard_known: NDArray[np.uint8]
+    heard_displacement: NDArray[np.float32]
+    last_seen: NDArray[np.int64]
+    hops: NDArray[np.int64]
+    rel: NDArray[np.float64]
+    near_count: NDArray[np.int64]
+    near_id: NDArray[np.int64]
+    near_rel: NDArray[np.float64]
+    near_vel: NDArray[np.float64]
+    disc_count: NDArray[np.int64]
+    disc: NDArray[np.float64]
+    disc_side: NDArray[np.int8]
+    obstacle_rel: NDArray[np.float64]
+    obstacle_radius: NDArray[np.float64]
+
+
+def empty_memory(rows: int, agents: int) -> Memory:
+    """A memory of nothing; every drone counts as seen at tick 0."""
+    return Memory(
+        heard_tick=np.full((rows, agents), NEVER),
+        heard_motion=np.zeros((rows, agents, 4), np.float32),
+        heard_observation=np.zeros((rows, agents, 18), np.int16),
+        heard_one_hop=np.zeros((rows, agents), np.int64),
+        heard_count=np.zeros((rows, agents), np.int64),
+        heard_known=np.zeros((rows, agents, MAX_KNOWN), np.uint8),
+        heard_displacement=np.zeros((rows, agents, MAX_KNOWN, 2), np.float32),
+        last_seen=np.zeros((rows, agents), np.int64),
+        hops=np.full((rows, agents), UNKNOWN),
+        rel=np.zeros((rows, agents, 2)),
+        near_count=np.zeros(rows, np.int64),
+        near_id=np.zeros((rows, MAX_NEAR), np.int64),
+        near_rel=np.zeros((rows, MAX_NEAR, 2)),
+        near_vel=np.zeros((rows, MAX_NEAR, 2)),
+        disc_count=np.zeros(rows, np.int64),
+        disc=np.zeros((rows, MAX_OBSTACLES, 3)),
+        disc_side=np.zeros((rows, MAX_OBSTACLES), np.int8),
+        obstacle_rel=np.zeros((rows, MAX_OBSTACLES, 2)),
+        obstacle_radius=np.zeros((rows, MAX_OBSTACLES)),
+    )
+
+
+def forget(memory: Memory, row: int, tick: int) -> None:
+    """A restarted drone knows nothing; all others count as seen now, so that it does not take them for dead."""
+    memory.heard_tick[row] = NEVER
+    memory.last_seen[row] = tick
+    memory.disc_count[row] = 0

@@ -1,0 +1,190 @@
+"""From sensors and heard frames to what a drone knows: neighbours, relative positions, obstacles, who is alive."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.memory import Memory
+from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, Frames
+from protocols.kernels import kernel
+from protocols.mission import TICK_S
+from protocols.relative import chain_displacements
+from protocols.sensed import Sensed
+
+_SAME_DISC_M = 0.25  # two sightings closer than this are one obstacle
+
+
+@kernel
+def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
+    """Keep what frame ``index`` says if it is newer than the sender's last; merge whom its sender has heard lately."""
+    sender, tick = frames.sender[index], np.int64(frames.tick[index])
+    agents = memory.heard_tick.shape[1]
+    memory.last_seen[row, sender] = max(memory.last_seen[row, sender], tick)
+    for offset in range(min(AGE_WINDOW, agents)):
+        age = frames.ages[index, offset]
+        if age != AGE_NEVER:
+            other = (frames.age_from[index] + offset) % agents
+            memory.last_seen[row, other] = max(memory.last_seen[row, other], tick - np.int64(age) * AGE_UNIT_TICKS)
+    if tick <= memory.heard_tick[row, sender]:
+        return
+    memory.heard_tick[row, sender] = tick
+    memory.heard_motion[row, sender] = frames.motion[index]
+    memory.heard_observation[row, sender] = frames.observation[index]
+    memory.heard_one_hop[row, sender] = frames.one_hop[index]
+    count = frames.known_count[index]
+    memory.heard_count[row, sender] = count
+    for entry in range(count):
+        memory.heard_known[row, sender, entry] = frames.known[index, entry]
+        memory.heard_displacement[row, sender, entry, 0] = frames.displacement[index, entry, 0]
+        memory.heard_displacement[row, sender, entry, 1] = frames.displacement[index, entry, 1]
+
+
+@kernel
+def find_neighbours(
+    memory: Memory, row: int, me: int, tick: int, sensed: Sensed, by_sensor: bool, keep: int, range_m: float
+) -> None:
+    """Neighbours from the drone's own sensors, or else from frames at most ``keep`` ticks old, moved on by their velocity."""
+    if by_sensor:
+        count = sensed.near_count[row]
+        for index in range(count):
+            near = sensed.near[row, index]
+            memory.near_id[row, index] = np.int64(near[0])
+            memory.near_rel[row, index, 0], memory.near_rel[row, index, 1] = near[1], near[2]
+            memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near[3], near[4]
+        memory.near_count[row] = count
+        return
+    px, py, vx, vy = sensed.motion[row, 0], sensed.motion[row, 1], sensed.motion[row, 2], sensed.motion[row, 3]
+    count = 0
+    for other in range(memory.heard_tick.shape[1]):
+        age = tick - memory.heard_tick[row, other]
+        if other == me or age > keep or count == memory.near_id.shape[1]:
+            continue
+        motion = memory.heard_motion[row, other]
+        dx = motion[0] + motion[2] * age * TICK_S - px
+        dy = motion[1] + motion[3] * age * TICK_S - py
+        if dx * dx + dy * dy <= range_m * range_m:
+            memory.near_id[row, count] = other
+            memory.near_rel[row, count, 0], memory.near_rel[row, count, 1] = dx, dy
+            memory.near_vel[row, count, 0], memory.near_vel[row, count, 1] = motion[2] - vx, motion[3] - vy
+            count += 1
+    memory.near_count[row] = count
+
+
+@kernel
+def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -> None:
+    """Bring the list of obstacles up to date with what is sensed now; without memory, drop what is out of sight."""
+    px, py = sensed.motion[row, 0], sensed.motion[row, 1]
+    known = memory.disc_count[row]
+    seen_now = np.zeros(memory.disc.shape[1], np.bool_)
+    for index in range(sensed.obstacle_count[row]):
+        x, y = px + sensed.obstacles[row, index, 0], py + sensed.obstacles[row, index, 1]
+        match = -1
+        for disc in range(known):
+            if abs(memory.disc[row, disc, 0] - x) < _SAME_DISC_M and abs(memory.disc[row, disc, 1] - y) < _SAME_DISC_M:
+                match = disc
+        if match < 0 and known < memory.disc.shape[1]:
+            match = known
+            memory.disc_side[row, match] = 0
+            known += 1
+        if match >= 0:
+            seen_now[match] = True
+            memory.disc[row, match, 0], memory.disc[row, match, 1] = x, y
+            memory.disc[row, match, 2] = sensed.obstacles[row, index, 2]
+    kept = 0
+    for disc in range(known):
+        if remember or seen_now[disc]:
+            memory.disc[row, kept] = memory.disc[row, disc]
+            memory.disc_side[row, kept] = memory.disc_side[row, disc]
+            memory.obstacle_rel[row, kept, 0] = memory.disc[row, kept, 0] - px
+            memory.obstacle_rel[row, kept, 1] = memory.disc[row, kept, 1] - py
+            memory.obstacle_radius[row, kept] = memory.disc[row, kept, 2]
+            kept += 1
+    memory.disc_count[row] = kept
+
+
+@kernel
+def perceive(
+    tick: int,
+    awake: NDArray[np.bool_],
+    me: NDArray[np.int64],
+    sensed: Sensed,
+    frames: Frames,
+    inbox_start: NDArray[np.int64],
+    inbox: NDArray[np.int64],
+    by_sensor: bool,
+    remember_obstacles: bool,
+    keep: int,
+    range_m: float,
+    max_hops: int,
+    memory: Memory,
+) -> None:
+    """One tick of perception for every awake row; ``inbox[inbox_start[r]:inbox_start[r + 1]]`` are frames row r hears."""
+    for row in range(me.shape[0]):
+        if not awake[row]:
+            continue
+        memory.last_seen[row, me[row]] = tick
+        for index in range(inbox_start[row], inbox_start[row + 1]):
+            hear_frame(memory, row, frames, inbox[index])
+        find_neighbours(memory, row, me[row], tick, sensed, by_sensor, keep, range_m)
+        recall_obstacles(memory, row, sensed, remember_obstacles)
+        chain_displacements(
+            me[row],
+            tick,
+            keep,
+            max_hops,
+            memory.near_count[row],
+            memory.near_id[row],
+            memory.near_rel[row],
+            memory.heard_tick[row],
+            memory.heard_one_hop[row],
+            memory.heard_count[row],
+            memory.heard_known[row],
+            memory.heard_displacement[row],
+            memory.hops[row],
+            memory.rel[row],
+        )
+
+
+@kernel
+def compose_frames(
+    tick: int,
+    awake: NDArray[np.bool_],
+    me: NDArray[np.int64],
+    slot: NDArray[np.int64],
+    max_hops: int,
+    turn: int,
+    sensed: Sensed,
+    observation: NDArray[np.int16],
+    memory: Memory,
+    frames: Frames,
+    first: int,
+) -> None:
+    """Write each awake row's broadcast into ``frames`` row first + r. ``turn`` counts a drone's frames, to rotate the ages."""
+    agents = memory.heard_tick.shape[1]
+    for row in range(me.shape[0]):
+        if not awake[row]:
+            continue
+        out = first + row
+        frames.tick[out] = tick
+        frames.sender[out] = me[row]
+        frames.slot[out] = slot[row]
+        for index in range(4):
+            frames.motion[out, index] = sensed.motion[row, index]
+        frames.observation[out] = observation[row]
+        count = 0
+        frames.one_hop[out] = 0
+        for distance in range(1, min(2, max_hops - 1) + 1):
+            for other in range(agents):
+                if memory.hops[row, other] == distance and count < MAX_KNOWN:
+                    frames.known[out, count] = other
+                    frames.displacement[out, count, 0] = memory.rel[row, other, 0]
+                    frames.displacement[out, count, 1] = memory.rel[row, other, 1]
+                    count += 1
+            if distance == 1:
+                frames.one_hop[out] = count
+        frames.known_count[out] = count
+        begin = (turn * AGE_WINDOW) % agents
+        frames.age_from[out] = begin
+        for offset in range(AGE_WINDOW):
+            # Rounded up: an age that shrank in transit would keep a dead drone alive for ever.
+            age = (tick - memory.last_seen[row, (begin + offset) % agents] + AGE_UNIT_TICKS - 1) // AGE_UNIT_TICKS
+            frames.ages[out, offset] = min(age, AGE_NEVER)

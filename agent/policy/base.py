@@ -1,0 +1,81 @@
+"""The policy interface, and how a policy is found by name.
+
+A policy is a class whose constructor takes the mission and which has one method, ``act``. It is known by a short name
+(`_BUILT_IN`), by an entry point in the group ``rsc_swarm.policies``, or by ``package.module:Class``.
+"""
+
+import importlib
+from importlib.metadata import entry_points
+from typing import NamedTuple, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.memory import Memory
+from protocols.mission import Mission
+
+ENTRY_POINTS = "rsc_swarm.policies"
+_BUILT_IN = {"analytic": "agent.policy.analytic:Analytic", "cruise": "agent.policy.cruise:Cruise"}
+
+
+class PolicyError(ValueError):
+    """No such policy, or it cannot be loaded; the message says which are known."""
+
+
+class Seen(NamedTuple):
+    """What a policy may look at: one row per hosted drone (a process on a drone hosts one, a simulation many).
+
+    tick: 10 ms each. me: (A,) agent numbers. awake: (A,) rows to act for; the others' answers are ignored.
+    position, velocity, target_velocity: (A, 2) in the common local frame, m and m/s.
+    chain_error, slot_error: (A, 2) target minus position [m] (agent.observation.aim).
+    observation: (A, 18) the paper's X_i. memory: neighbours, obstacles and what neighbours' frames said.
+    """
+
+    tick: int
+    me: NDArray[np.int64]
+    awake: NDArray[np.bool_]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    target_velocity: NDArray[np.float64]
+    chain_error: NDArray[np.float64]
+    slot_error: NDArray[np.float64]
+    observation: NDArray[np.float64]
+    memory: Memory
+
+
+class Policy(Protocol):
+    """Decides accelerations. The safety filter and the limits come after it."""
+
+    def act(self, seen: Seen) -> NDArray[np.float64]:
+        """Wanted acceleration of every row, (A, 2) m/s^2."""
+        ...
+
+
+def policy_names() -> list[str]:
+    """The policies that have a short name here."""
+    return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINTS))})
+
+
+def find_policy(name: str, mission: Mission) -> Policy:
+    """The policy called ``name``, made for this mission.
+
+    Raises:
+        PolicyError: unknown name, or the class cannot be imported or made.
+    """
+    place = _BUILT_IN.get(name, name)
+    for point in entry_points(group=ENTRY_POINTS):
+        if point.name == name:
+            place = point.value
+    module_name, _, class_name = place.partition(":")
+    if not class_name:
+        known = ", ".join(policy_names())
+        raise PolicyError(f"policy: unknown policy {name!r}; known: {known}; or give package.module:Class")
+    try:
+        made = getattr(importlib.import_module(module_name), class_name)(mission)
+    except (ImportError, AttributeError) as error:
+        raise PolicyError(f"policy: {place!r} cannot be loaded ({error})") from None
+    except Exception as error:
+        raise PolicyError(f"policy: {place!r} could not be made for this mission ({error})") from error
+    if not callable(getattr(made, "act", None)):
+        raise PolicyError(f"policy: {place!r} has no method act(seen)")
+    return cast(Policy, made)

@@ -1,0 +1,94 @@
+"""The private folder of a run, in which the world's socket lives.
+
+- Only its owner may enter it. It lies under ``$XDG_RUNTIME_DIR``, else in the folder for temporary files.
+- The launcher removes it. If the launcher has died, the world does. If both were killed outright, a later launch
+  does: as long as any process of a run lives it holds a lock on the folder; one without a lock is rubbish.
+"""
+
+import fcntl
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+_PREFIX = "rsc-swarm-run-"
+_LOCK = "lock"
+_LONGEST_SOCKET_PATH = 100  # the kernel takes 107 bytes, and Zenoh puts a lock file beside the socket
+_YOUNG_S = 60.0  # a folder younger than this may be about to be locked
+
+
+def remove_run_folder(path: Path) -> None:
+    """Remove the folder and what is in it; fine if it is gone already."""
+    shutil.rmtree(path, ignore_errors=True)
+
+
+class RunFolder:
+    """A fresh private folder, gone when its ``with`` block ends.
+
+    Attributes:
+        path: the folder.
+        socket: where the world's socket goes.
+        endpoint: the same as a Zenoh endpoint.
+    """
+
+    def __init__(self) -> None:
+        base = _base()
+        for rubbish in _abandoned(base):
+            remove_run_folder(rubbish)
+        self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=base))
+        # Children inherit the descriptor by fork, and the lock with it: it lasts as long as any of them.
+        self._lock = os.open(self.path / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        self.socket = self.path / "world.sock"
+        self.endpoint = f"unixsock-stream/{self.socket}"
+
+    def remove(self) -> None:
+        remove_run_folder(self.path)
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.remove()
+
+
+def _base() -> Path:
+    """The first usable place whose path leaves room for a socket's name."""
+    places = (os.environ.get("XDG_RUNTIME_DIR"), tempfile.gettempdir(), "/tmp")
+    for place in places:
+        if not place or not os.access(place, os.W_OK | os.X_OK):
+            continue
+        if len(os.fsencode(place)) + len(f"/{_PREFIX}12345678/world.sock") <= _LONGEST_SOCKET_PATH:
+            return Path(place)
+    raise OSError(
+        f"no folder for the socket of the run: none of {', '.join(place for place in places if place)} "
+        "is both writable and short enough; set XDG_RUNTIME_DIR to a short path"
+    )
+
+
+def _abandoned(base: Path) -> Iterator[Path]:
+    """Folders of runs of which no process is left."""
+    for folder in base.glob(f"{_PREFIX}*"):
+        try:
+            if time.time() - folder.stat().st_mtime < _YOUNG_S:
+                continue
+            lock = os.open(folder / _LOCK, os.O_RDWR)
+        except OSError:
+            continue  # another user's, or just being removed
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            continue
+        else:
+            yield folder
+        finally:
+            os.close(lock)

@@ -1,0 +1,62 @@
+"""The field of a flight: obstacles from the map seed, starting places and slots from the start seed."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.mission import Mission
+
+_MAP, _START, _SLOTS = 1, 2, 3  # each kind of draw has a stream of its own
+_TRIES = 100_000
+
+
+class FieldError(RuntimeError):
+    """There is no room to start; the message says what to change."""
+
+
+def _generator(seed: int, stream: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(key=[seed, stream]))
+
+
+def draw_obstacles(mission: Mission) -> NDArray[np.float64]:
+    """The obstacles (K, 3): centre x, y and radius, metres. They may overlap."""
+    spec = mission.obstacles
+    if spec.discs is not None:
+        return np.array(spec.discs, dtype=np.float64).reshape(-1, 3)
+    draw = _generator(mission.map_seed, _MAP)
+    count = int(draw.integers(spec.count[0], spec.count[1] + 1))
+    low = [spec.x_m[0], spec.y_m[0], spec.radius_m[0]]
+    high = [spec.x_m[1], spec.y_m[1], spec.radius_m[1]]
+    return draw.uniform(low, high, size=(count, 3))
+
+
+def draw_slots(mission: Mission) -> NDArray[np.int16]:
+    """(N,) the slot each agent holds at the start: its own number, or any when the start is scrambled."""
+    if not mission.start.scrambled:
+        return np.arange(mission.agents, dtype=np.int16)
+    return _generator(mission.seed, _SLOTS).permutation(mission.agents).astype(np.int16)
+
+
+def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 2) metres: agent i starts around pad i, the offset of slot i, clear of all others and of all obstacles.
+
+    Raises:
+        FieldError: no free place was found.
+    """
+    draw = _generator(mission.seed, _START)
+    places = np.empty((mission.agents, 2))
+    for agent, pad in enumerate(mission.plan.offsets):
+        for _ in range(_TRIES):
+            radius = mission.start.radius_m * np.sqrt(draw.uniform())
+            angle = draw.uniform(0, 2 * np.pi)
+            place = pad + radius * np.array([np.cos(angle), np.sin(angle)])
+            from_agents = np.linalg.norm(places[:agent] - place, axis=1)
+            from_obstacles = np.linalg.norm(obstacles[:, :2] - place, axis=1) - obstacles[:, 2]
+            if np.all(from_agents >= mission.start.gap_m) and np.all(from_obstacles >= mission.start.gap_m):
+                places[agent] = place
+                break
+        else:
+            raise FieldError(
+                f"agent {agent} finds no free place within start.radius_m = {mission.start.radius_m:g} m of its pad; "
+                f"widen it, lower start.gap_m ({mission.start.gap_m:g} m) or move the obstacles"
+            )
+    return places
