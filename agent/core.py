@@ -29,6 +29,7 @@ from protocols.frames import OBSERVATION_SIZE, OBSERVATION_UNIT, Frames
 from protocols.kernels import kernel
 from protocols.mission import TICK_S, Mission
 from protocols.sensed import Sensed
+from protocols.status import SWAP_COUNTS, AgentStatus
 
 
 @kernel
@@ -177,15 +178,16 @@ class AgentCore:
         if parties.step(tick, awake, frames, notes, inbox_start, inbox, self._partner, self._vacated):
             self._aim(awake, chain, sensed)
         observation.observe(awake, mission.sensing.range_m, sensed, memory, self._slot_error, self._observation)
-        motion = sensed.motion
+        # Copies, not views: a one-row slice would count as contiguous, a longer one not, and kernels compile per layout.
+        position, velocity, target_velocity = (sensed.motion[:, at : at + 2].copy() for at in (0, 2, 6))
         command = self.policy.act(
             Seen(
-                tick, self.me, awake, motion[:, 0:2], motion[:, 2:4], motion[:, 6:8], self._chain_error, self._slot_error,
+                tick, self.me, awake, position, velocity, target_velocity, self._chain_error, self._slot_error,
                 self._observation / OBSERVATION_UNIT, memory,
             )  # fmt: skip
         )
         if mission.safety_filter:
-            _filter(awake, motion[:, 2:4], memory, self._limits, command)
+            _filter(awake, velocity, memory, self._limits, command)
         every = mission.frame_every
         # Drones take turns at low frame rates, so that not all speak in the same tick.
         sent = awake & ((tick + self.me) % every == 0)
@@ -194,6 +196,13 @@ class AgentCore:
         )
         parties.write_notes(tick, sent, frames, notes, first)
         return Step(command, parties.slot, sent)
+
+    def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
+        """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.frames.REASONS."""
+        party = self.parties.party[row]
+        fresh = tick - self.memory.heard_tick[row] <= self._memory_ticks
+        counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
+        return AgentStatus(int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of))
 
     def _aim(self, awake: NDArray[np.bool_], chain: bool, sensed: Sensed) -> None:
         observation.aim(

@@ -77,8 +77,8 @@ class AgentLink:
 
     def __init__(self, endpoint: str, login: Login, connect_timeout_s: float = 10.0) -> None:
         deadline = time.monotonic() + connect_timeout_s
-        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and unlike
-        # a Zenoh channel it can be waited on for a limited time.
+        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
+        # unlike a Zenoh channel it can be waited on for a limited time.
         self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
         self._session = _open_client(endpoint, login, connect_timeout_s)
         try:
@@ -91,10 +91,10 @@ class AgentLink:
                 congestion_control=zenoh.CongestionControl.BLOCK,
             )
             # A publisher drops what it is given before it knows of a subscriber.
-            while not self._publisher.matching_status.matching:  # type: ignore[attr-defined]  # stub says bool
+            while not self._publisher.matching_status.matching:  # type: ignore[attr-defined]
                 if time.monotonic() > deadline:
                     raise LinkError(
-                        f"the world at {endpoint} does not hear agent {login.agent} of swarm {login.swarm!r}: "
+                        f"the world at {endpoint} does not hear agent {login.agent} of {login.swarm!r}: "
                         "use the login that this launch of the world made for this agent"
                     )
                 time.sleep(_LOOK_AGAIN_S)

@@ -124,7 +124,7 @@ class SwapSpec(_Section):
     connected: bool = Field(False, description="demand that all affected drones are linked by radio")
     cooldown_s: Positive = 1.0
     answer_s: Positive = 0.5
-    silent_s: Positive = Field(2.0, description="a drone unheard by everyone for this long has left its slot")
+    silent_s: Positive = Field(4.0, description="a drone unheard by everyone for this long has left its slot")
 
 
 class Fault(_Section):

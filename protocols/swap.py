@@ -1,7 +1,8 @@
 """How two agents agree to exchange slots.
 
-`SlotParty` is one agent's side. It hears its neighbours' notes and says its own, one in every broadcast frame.
-Frames may be lost, doubled, delayed or reordered, so a note repeats what holds instead of announcing changes.
+`SlotParty` is one agent's side. It hears its neighbours' notes and says its own, one in every broadcast
+frame. Frames may be lost, doubled, delayed or reordered, so a note repeats what holds instead of announcing
+changes.
 
 The rules
     1. A swap is proposed, accepted, committed. The proposer names both slots as it sees them. The one asked
@@ -155,7 +156,7 @@ class SlotParty:
 
     @property
     def quiet(self) -> bool:
-        """True if nothing is under way: then a quiet note of my digest changes nothing, and mine is quiet too."""
+        """True if nothing is under way: then hearing a quiet note of my digest changes nothing."""
         return self._deal is None and not self._refusals and self._gossip.quiet
 
     def ready(self, tick: int) -> bool:

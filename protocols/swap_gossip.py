@@ -4,10 +4,10 @@ The rules
     1. A swap just learned goes out in the next frame. Whoever hears a digest unlike its own repeats its open
        swaps, newest first and then in rotation, until a few frames after it last heard one.
     2. While swaps are open, notes carry acknowledgements in rotation: who has had exactly which swaps. What
-       all have had is folded. This is safe because an agent's later swaps count more than any it acknowledged.
-       The acknowledgements fall silent when they bring no news, but for one frame every `ack_ticks`.
-    3. Whoever hears of a larger checkpoint that is a prefix of its own swaps folds that far. A settled note of
-       the same digest is such a checkpoint. Who is behind and cannot is sent the checkpoint and adopts it.
+       all have had is folded: no older swap can still come, as an agent's later swaps count more than any it
+       acknowledged. Acknowledgements that bring no news fall silent, but for one frame every `ack_ticks`.
+    3. Whoever hears of a larger checkpoint that is a prefix of its own swaps folds that far. A settled note
+       of the same digest is such a checkpoint. Who is behind and cannot is sent the checkpoint and adopts it.
     4. The dead acknowledge nothing. Of more than `open_max` open swaps the older half is folded regardless.
     5. An amnesiac has joined when it has heard a neighbour's checkpoint and then an equal digest.
 """

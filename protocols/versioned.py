@@ -3,8 +3,8 @@
 The rules
     1. The proposer exchanges the two slots at once, asks nobody, and raises the version by one.
     2. Notes carry the whole assignment with (version, initiator), for as long as unlike digests are heard.
-    3. Whoever hears a larger (version, initiator) adopts the assignment whole. Of two concurrent swaps, however
-       far apart, one is lost.
+    3. Whoever hears a larger (version, initiator) adopts the assignment whole. Of two concurrent swaps,
+       however far apart, one is lost.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ class VersionedParty:
     __slots__ = (
         "_former_slot",
         "_initiator",
-        "_primed",
         "_ready_at",
         "_repeat_left",
         "_rules",
@@ -102,7 +101,7 @@ class VersionedParty:
         if sender == self.me or (note.digest == self.digest and not note.amnesiac and self.quiet):
             return
         heard = note.checkpoint
-        if heard is not None and (heard.clock, heard.size) > (self._version, self._initiator):
+        if heard is not None and (heard.clock, heard.size, heard.slot_of) > self._key():
             self.counts.undone += heard.slot_of[self.me] == self._former_slot
             self.slot_of, self._version, self._initiator = heard.slot_of, heard.clock, heard.size
             self._former_slot = None
@@ -133,6 +132,9 @@ class VersionedParty:
         self.slot_of, self._version, self._initiator = tuple(slots), self._version + 1, self.me
         self._ready_at = tick + self._rules.cooldown_ticks
         self._spread()
+
+    def _key(self) -> tuple[int, int, tuple[int, ...]]:
+        return (self._version, self._initiator, self.slot_of)
 
     def _spread(self) -> None:
         self.digest = self._hash()

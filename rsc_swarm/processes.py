@@ -1,12 +1,13 @@
 """The processes of a launch: the world and the drones are children of one launcher, and none outlives it.
 
-- The launcher is single threaded and never opens Zenoh. It imports and warms everything once and then forks, so
-  a drone starts in milliseconds and shares its code with all others. ``os.fork`` rather than ``multiprocessing``:
-  a child here has no pipes, exit handlers or helper process of its parent's, and leaves by ``os._exit``.
-- Every child ignores Ctrl-C and a closing terminal (the launcher answers both), writes to its own log, and gets a
-  signal from the kernel when the launcher dies, however it dies.
-- A drone is then killed outright. The world is asked to leave, so that it can finish its record, and removes the
-  folder of the run.
+- The launcher is single threaded and never opens Zenoh. It imports and warms everything once and then
+  forks, so a drone starts in milliseconds and shares its code with all others. ``os.fork`` rather than
+  ``multiprocessing``: a child here has no pipes, exit handlers or helper process of its parent's, and
+  leaves by ``os._exit``.
+- Every child ignores Ctrl-C and a closing terminal (the launcher answers both), writes to its own log, and
+  gets a signal from the kernel when the launcher dies, however it dies.
+- A drone is then killed outright. The world is asked to leave, so that it can finish its record, and
+  removes the folder of the run.
 - Linux only: it rests on ``prctl`` and on process file descriptors.
 """
 
@@ -62,6 +63,7 @@ class Leave:
 def leave_on_sigterm() -> Leave:
     """From now on SIGTERM asks this process to leave instead of ending it, so that it can close its link.
 
+    Call it once the link is open: a process that still waits for its world is better ended outright.
     If it is the launcher's death that asks, nobody will come with SIGKILL: the kernel's alarm clock does it.
     """
     leave = Leave()
@@ -87,9 +89,13 @@ class _Child(NamedTuple):
 
 
 class Supervisor:
-    """Starts, watches and ends the children of this process. Leaving its ``with`` block ends them all."""
+    """Starts, watches and ends the children of this process.
 
-    def __init__(self) -> None:
+    Leaving its ``with`` block, in whatever way, ends them all, after ``grace_s`` by force.
+    """
+
+    def __init__(self, grace_s: float = 2.0) -> None:
+        self._grace_s = grace_s
         self._children: dict[str, _Child] = {}
 
     @property
@@ -162,7 +168,7 @@ class Supervisor:
     def stop(self, grace_s: float, names: Iterable[str] | None = None) -> list[Exit]:
         """End the children (all, or ``names``): SIGTERM, and SIGKILL for those still there after ``grace_s``.
 
-        Frozen ones are thawed to hear it. Returns all ends that came to light, in the order in which they did.
+        Frozen ones are thawed to hear it. Returns all ends that came to light, in that order.
         """
         asked = [name for name in (self.running if names is None else names) if name in self._children]
         ended: list[Exit] = []
@@ -204,7 +210,7 @@ class Supervisor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.stop(grace_s=2.0)
+        self.stop(self._grace_s)
 
     def _child(self, name: str) -> _Child:
         if name not in self._children:

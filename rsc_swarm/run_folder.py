@@ -1,8 +1,9 @@
 """The private folder of a run, in which the world's socket lives.
 
 - Only its owner may enter it. It lies under ``$XDG_RUNTIME_DIR``, else in the folder for temporary files.
-- The launcher removes it. If the launcher has died, the world does. If both were killed outright, a later launch
-  does: as long as any process of a run lives it holds a lock on the folder; one without a lock is rubbish.
+- The launcher removes it. If the launcher has died, the world does. If both were killed outright, a later
+  launch does: as long as any process of a run lives it holds a lock on the folder; one without a lock is
+  rubbish.
 """
 
 import fcntl

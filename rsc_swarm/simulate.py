@@ -6,11 +6,10 @@ exactly what the wire would carry, so a flight here has the digest of its twin i
 
 from collections.abc import Callable, Sequence
 
-import msgpack
 import numpy as np
 
 from agent.core import AgentCore
-from protocols.frames import Frames, empty_frames, encode_frame
+from protocols.frames import Frames, empty_frames, encode_frame, swarm_tag
 from protocols.mission import Mission
 from protocols.swap import encode
 from world.core import Outcome, WorldCore
@@ -36,7 +35,8 @@ class Simulation:
         self.agents = AgentCore(self.mission, [int(agent) for agent in me], initial)
         self._frames: Frames = empty_frames(self.world.ring * self._rows)
         self._notes: list[object] = [None] * (self.world.ring * self._rows)
-        self._quiet_bytes = len(encode_frame(0, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0))))
+        self._tag = swarm_tag(self.mission.swarm)
+        self._quiet_bytes = len(encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0))))
         self._boots = np.zeros(self._rows, np.int64)
         self.clock = 0
 
@@ -51,7 +51,7 @@ class Simulation:
                     agents.restart(row, self.clock, int(self._boots[row]))
         sensed = world.sense()
         start, arrived = world.deliver()
-        inbox = (arrived[:, 1] % world.ring) * self._rows + arrived[:, 0]
+        inbox = (arrived[:, 1].astype(np.int64) % world.ring) * self._rows + arrived[:, 0]
         first = (self.clock % world.ring) * self._rows
         awake = world.rows_awake
         step = agents.step(self.clock, awake, sensed, self._frames, self._notes, start, inbox, first)
@@ -64,7 +64,7 @@ class Simulation:
         sizes = np.where(sent, self._quiet_bytes + 9 * self._frames.known_count[rows].astype(np.int64), 0)
         for row in np.flatnonzero(sent & (self._frames.loud[rows] > 0)):
             sizes[row] = len(
-                encode_frame(0, self._frames, first + row, encode(self._notes[first + row]))  # type: ignore[arg-type]
+                encode_frame(self._tag, self._frames, first + row, encode(self._notes[first + row]))  # type: ignore[arg-type]
             )
         return sizes
 

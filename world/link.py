@@ -68,8 +68,9 @@ def _access_control(swarm: str, agents: int) -> dict[str, Any]:
             "key_exprs": [key],
         }
 
-    # An agent's put leaves its process only while that process knows of a matching subscriber. So the agents must
-    # be told of the world's subscription, literally as the world declares it, or all their puts vanish.
+    # An agent's put leaves its process only while that process knows of a matching subscriber. So the
+    # agents must be told of the world's subscription, literally as the world declares it, or all their puts
+    # vanish.
     rules = [rule("world-hears", "declare_subscriber", "egress", keys.every_tx(swarm))]
     subjects, policies = [], []
     for agent in range(agents):
@@ -126,8 +127,9 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         except zenoh.ZError as error:
             reason = re.sub(r" at /\S*\.rs:\d+\.?", "", str(error))
             raise LinkError(
-                f"cannot listen on {', '.join(endpoints)}: {reason}. Give unixsock-stream//folder/world.sock with "
-                "an existing folder, or tcp/ADDRESS:PORT with an address of this machine and a free port"
+                f"cannot listen on {', '.join(endpoints)}: {reason}. "
+                "Give unixsock-stream//folder/world.sock with an existing folder, "
+                "or tcp/ADDRESS:PORT with an address of this machine and a free port"
             ) from error
 
 
@@ -140,8 +142,8 @@ class WorldLink:
     def __init__(self, credentials: Credentials, endpoints: Sequence[str]) -> None:
         swarm, agents = credentials.swarm, range(len(credentials.passwords))
         self._agent_of_key = {keys.tx(swarm, agent): agent for agent in agents}
-        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and unlike
-        # a Zenoh channel it can be waited on for a limited time.
+        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
+        # unlike a Zenoh channel it can be waited on for a limited time.
         self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
         self._session = _open_router(credentials, endpoints)
         try:

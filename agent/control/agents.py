@@ -1,14 +1,14 @@
 """Keeping apart from other agents: what one neighbour adds to the acceleration.
 
 - Morse repulsion below its range: ``A (E² - E) n`` with ``E = exp(-al (d - d0))``.
-- Closest approach, while the two approach each other: push away from the point at which the other would pass, more
-  the sooner, the faster and the closer that is; and brake along the line between them.
-- Giving way: when the other is ahead and near, a step aside, to the same hand for everyone, so that two agents face
-  to face pass each other instead of balancing.
+- Closest approach, while the two approach each other: push away from the point at which the other would
+  pass, more the sooner, the faster and the closer that is; and brake along the line between them.
+- Giving way: when the other is ahead and near, a step aside, to the same hand for everyone, so that two
+  agents face to face pass each other instead of balancing.
 - A barrier near contact, which a slow drift cannot creep through.
 
-``n`` is the unit vector from the other to me. Every rule is local to a pair, so the sum over neighbours does not depend
-on N.
+``n`` is the unit vector from the other to me. Every rule is local to a pair, so the sum over neighbours
+does not depend on N.
 """
 
 import math
@@ -85,7 +85,9 @@ def agent_terms(
     u_y: float,
     gains: Gains,
 ) -> tuple[float, float]:
-    """Sum of ``pair_term`` over the first ``k`` rows of ``rel`` [m] and ``vel`` [m/s], both (K, 2), other minus me."""
+    """Sum of ``pair_term`` over the first ``k`` rows of ``rel`` [m] and ``vel`` [m/s], both (K, 2), other
+    minus me.
+    """
     a_x = 0.0
     a_y = 0.0
     for j in range(k):

@@ -1,11 +1,13 @@
 """Attraction: towards the chain target and the slot target, and the heading an agent wants to take.
 
-Two spring-dampers whose springs stop growing at their reach, so that a far target does not drown every other term:
+Two spring-dampers whose springs stop growing at their reach, so that a far target does not drown every
+other term:
 
     a = kf sat(e_c, sf) + kfv (v_t - v) + kg sat(e_g, sg) + kgv (v_t - v)
 
-The heading is the direction of the weighted error, looked at from a few metres ahead along the target's motion: an
-agent that sits in its slot still "goes somewhere" and can tell whether an obstacle will be in its way.
+The heading is the direction of the weighted error, looked at from a few metres ahead along the target's
+motion: an agent that sits in its slot still "goes somewhere" and can tell whether an obstacle will be in
+its way.
 """
 
 import math
@@ -36,7 +38,9 @@ def attraction(
     vt_y: float,
     gains: Gains,
 ) -> tuple[float, float]:
-    """Acceleration [m/s²] towards the targets: errors ``ec``, ``eg`` [m], own velocity and the target's [m/s]."""
+    """Acceleration [m/s²] towards the targets: errors ``ec``, ``eg`` [m], own velocity and the target's
+    [m/s].
+    """
     chain_x, chain_y = saturated(ec_x, ec_y, gains.chain_reach)
     slot_x, slot_y = saturated(eg_x, eg_y, gains.slot_reach)
     damping = gains.chain_damping + gains.slot_damping

@@ -1,7 +1,7 @@
 """The constants of the analytic controller and of the safety filter, each with its unit and meaning.
 
-Weights are folded into the gains: the controller is the plain sum of its terms, without outer factors. Both tables are
-named tuples of floats, which kernels take by value.
+Weights are folded into the gains: the controller is the plain sum of its terms, without outer factors. Both
+tables are named tuples of floats, which kernels take by value.
 """
 
 from typing import NamedTuple
@@ -10,11 +10,11 @@ from typing import NamedTuple
 class Gains(NamedTuple):
     """What the analytic controller wants: one number per rule.
 
-    Errors are "target minus own position" in metres; accelerations in m/s²; every distance is centre to centre for
-    agents and centre to surface for obstacles.
+    Errors are "target minus own position" in metres; accelerations in m/s²; every distance is centre to
+    centre for agents and centre to surface for obstacles.
     """
 
-    # Attraction: chain target (set by the leader's position), slot target (set by the virtual target), heading.
+    # Attraction: chain target (set by the leader), slot target (set by the virtual target), heading.
     chain_pull: float = 0.782  #: 1/s², pull towards the chain target
     chain_reach: float = 1.095  #: m, chain error beyond which the pull no longer grows
     chain_damping: float = 0.029  #: 1/s, on the velocity relative to the target's
@@ -41,14 +41,16 @@ class Gains(NamedTuple):
     obstacle_brake: float = 2.134  #: share of the braking that would stop the closing just in time
     obstacle_barrier: float = 0.415  #: m/s²
     obstacle_barrier_range: float = 0.988  #: m from the surface
-    around: float = 12.0  #: m/s² at contact distance, along the surface, past an obstacle that blocks the heading
+    around: float = (
+        12.0  #: m/s² at contact distance, along the surface, past an obstacle that blocks the heading
+    )
     release: float = 0.543  #: share of the attraction into a blocking obstacle that is taken away
     cluster_gap: float = 2.183  #: m between surfaces, below which two obstacles count as one
     keep_side: float = 1.558  #: m beyond obstacle_range within which the side once chosen is remembered
     lane: float = 0.6  #: m, half width of the lane along the heading that must be free of obstacles
-    stick: float = 1e9
-    x_ext: float = 0.0
-    x_block: float = 0.0
+    side_loyalty: float = (
+        1.0  #: m, by which the other side must be shorter before a remembered side is given up
+    )
 
 
 class SafetyLimits(NamedTuple):

@@ -1,14 +1,15 @@
-"""The safety filter: the acceleration nearest to the desired one that keeps braking distance to everything near.
+"""The safety filter: the acceleration nearest to the desired one that keeps braking distance to everything
+near.
 
-Last in the chain, every step, from local sensing only. For each neighbour and obstacle, with ``n`` the unit vector from it
-to me, ``d`` the distance, ``v_n`` its rate of change and ``r`` the distance of the centres:
+Last in the chain, every step, from local sensing only. For each neighbour and obstacle, with ``n`` the unit
+vector from it to me, ``d`` the distance, ``v_n`` its rate of change and ``r`` the distance of the centres:
 
-    h = sqrt(2 b (d - d_s)) + v_n >= 0           the closing speed can still be braked away at b
-    n·a >= rho [-gamma h - b v_n / sqrt(2 b (d - d_s)) - v_tan²/r]     so that h does not fall faster than gamma h
+    h = sqrt(2 b (d - d_s)) + v_n >= 0        (the closing speed can still be braked away at b)
+    n·a >= rho [-gamma h - b v_n / sqrt(2 b (d - d_s)) - v_tan²/r]      (h falls no faster than gamma h)
 
-Each is a half-plane of accelerations. The filter solves  min |a - a_des|²  over |a| <= a_max and all half-planes (ORCA's
-second linear program). Where they contradict each other, the half-planes of obstacles stay and the worst violation
-among the agents' is made as small as possible (ORCA's third); where even the obstacles' contradict, all give way alike.
+Each is a half-plane of accelerations. The filter solves  min |a - a_des|²  over |a| <= a_max and all
+half-planes. Where they contradict each other, the half-planes of obstacles stay and the worst violation
+among the agents' is made as small as possible; where even the obstacles' contradict, all give way alike.
 Two agents share a burden (rho), an obstacle shares none.
 """
 
@@ -18,10 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.gains import SafetyLimits
+from agent.control.halfplanes import least_violation, nearest_point
 from protocols.kernels import kernel
-
-_PARALLEL = 1e-9
-_SLACK = 1e-9
 
 
 @kernel
@@ -30,8 +29,9 @@ def barrier_bound(
 ) -> float:
     """The least acceleration [m/s²] along ``n`` that the barrier allows, at most ``row_limit``.
 
-    ``d`` [m]: distance (centre to centre, or from the surface), ``v_n`` [m/s]: its rate of change, ``swing`` [m/s²]: how
-    fast that rate grows by passing sideways alone (square of the relative velocity across ``n`` over the centre distance).
+    ``d`` [m]: distance (centre to centre, or from the surface), ``v_n`` [m/s]: its rate of change,
+    ``swing`` [m/s²]: how fast that rate grows by passing sideways alone (square of the relative velocity
+    across ``n`` over the centre distance).
     """
     stop_speed = math.sqrt(2.0 * brake * max(d - clearance, 0.0))
     bound = -limits.decay * (stop_speed + v_n) - brake * v_n / max(stop_speed, 0.3) - swing
@@ -39,110 +39,95 @@ def barrier_bound(
 
 
 @kernel
-def _on_line(
-    i: int,
-    rows: NDArray[np.float64],
-    radius: float,
-    goal_x: float,
-    goal_y: float,
-    farthest: bool,
-) -> tuple[bool, float, float]:
-    """Best point on the edge of row ``i`` within the ball and the rows before it (ORCA's first program).
-
-    Best is nearest to ``goal``, or farthest along it. False where there is no such point.
-    """
-    n_x = rows[i, 0]
-    n_y = rows[i, 1]
-    bound = rows[i, 2]
-    room = radius * radius - bound * bound
-    if room < 0.0:
-        return False, 0.0, 0.0
-    high = math.sqrt(room)
-    low = -high
-    for j in range(i):
-        slope = rows[j, 0] * n_y - rows[j, 1] * n_x
-        lack = rows[j, 2] - bound * (rows[j, 0] * n_x + rows[j, 1] * n_y)
-        if abs(slope) <= _PARALLEL:
-            if lack > _SLACK:
-                return False, 0.0, 0.0
-        elif slope > 0.0:
-            low = max(low, lack / slope)
-        else:
-            high = min(high, lack / slope)
-        if low > high:
-            return False, 0.0, 0.0
-    t = goal_x * n_y - goal_y * n_x
-    if farthest:
-        t = high if t > 0.0 else low
-    else:
-        t = min(max(t, low), high)
-    return True, bound * n_x + t * n_y, bound * n_y - t * n_x
+def _obstacle_row(
+    r_x: float, r_y: float, radius: float, vx: float, vy: float, limits: SafetyLimits
+) -> tuple[float, float, float]:
+    """Half-plane ``(n_x, n_y, bound)`` of an obstacle whose centre is at ``r`` from me."""
+    centre = max(math.sqrt(r_x * r_x + r_y * r_y), 1e-6)
+    n_x = -r_x / centre
+    n_y = -r_y / centre
+    v_n = vx * n_x + vy * n_y
+    swing = (vx * vx + vy * vy - v_n * v_n) / centre
+    bound = barrier_bound(
+        centre - radius, v_n, swing, limits.obstacle_brake, limits.obstacle_clearance, 1.0, limits
+    )
+    return n_x, n_y, bound
 
 
 @kernel
-def _nearest(
-    count: int,
-    rows: NDArray[np.float64],
-    radius: float,
-    goal_x: float,
-    goal_y: float,
-    farthest: bool,
-) -> tuple[int, float, float]:
-    """Best point within the ball and all rows (ORCA's second program): first row that failed (or ``count``), point."""
-    x = goal_x
-    y = goal_y
-    length = math.sqrt(x * x + y * y)
-    if farthest or length > radius:
-        x *= radius / length
-        y *= radius / length
-    for i in range(count):
-        if rows[i, 0] * x + rows[i, 1] * y < rows[i, 2] - _SLACK:
-            found, new_x, new_y = _on_line(i, rows, radius, goal_x, goal_y, farthest)
-            if not found:
-                return i, x, y
-            x = new_x
-            y = new_y
-    return count, x, y
+def _agent_row(
+    r_x: float, r_y: float, w_x: float, w_y: float, limits: SafetyLimits
+) -> tuple[float, float, float]:
+    """Half-plane ``(n_x, n_y, bound)`` of a neighbour at ``r`` from me that moves at ``w`` relative to me."""
+    d = max(math.sqrt(r_x * r_x + r_y * r_y), 1e-6)
+    n_x = -r_x / d
+    n_y = -r_y / d
+    v_n = -(w_x * n_x + w_y * n_y)
+    swing = (w_x * w_x + w_y * w_y - v_n * v_n) / d
+    bound = barrier_bound(
+        d, v_n, swing, limits.agent_brake, limits.agent_clearance, limits.agent_share, limits
+    )
+    return n_x, n_y, bound
 
 
 @kernel
-def _least_violation(
-    begin: int,
-    count: int,
-    hard: int,
-    rows: NDArray[np.float64],
-    radius: float,
-    x: float,
-    y: float,
+def _is_safe(
+    ax: float,
+    ay: float,
+    vx: float,
+    vy: float,
+    k: int,
+    rel: NDArray[np.float64],
+    vel: NDArray[np.float64],
+    m: int,
+    o_rel: NDArray[np.float64],
+    o_radius: NDArray[np.float64],
+    limits: SafetyLimits,
+) -> bool:
+    for i in range(m):
+        n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
+        if n_x * ax + n_y * ay < bound:
+            return False
+    for j in range(k):
+        n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
+        if n_x * ax + n_y * ay < bound:
+            return False
+    return True
+
+
+@kernel
+def _solve(
+    ax: float,
+    ay: float,
+    vx: float,
+    vy: float,
+    k: int,
+    rel: NDArray[np.float64],
+    vel: NDArray[np.float64],
+    m: int,
+    o_rel: NDArray[np.float64],
+    o_radius: NDArray[np.float64],
+    limits: SafetyLimits,
 ) -> tuple[float, float]:
-    """Point that keeps the first ``hard`` rows and whose worst violation of the rest is least (ORCA's third program).
-
-    ``x, y`` keeps the rows before ``begin``. The points where row j is violated no more than row i are again a half-plane.
-    """
-    worst = 0.0
-    inner = np.empty((count, 3))
-    for i in range(begin, count):
-        if rows[i, 2] - rows[i, 0] * x - rows[i, 1] * y <= worst + _SLACK:
-            continue
-        size = hard
-        for j in range(hard):
-            for c in range(3):
-                inner[j, c] = rows[j, c]
-        for j in range(hard, i):
-            n_x = rows[j, 0] - rows[i, 0]
-            n_y = rows[j, 1] - rows[i, 1]
-            length = math.sqrt(n_x * n_x + n_y * n_y)
-            if length > 1e-6:
-                inner[size, 0] = n_x / length
-                inner[size, 1] = n_y / length
-                inner[size, 2] = (rows[j, 2] - rows[i, 2]) / length
-                size += 1
-        done, new_x, new_y = _nearest(size, inner, radius, rows[i, 0], rows[i, 1], True)
-        if done == size:
-            x = new_x
-            y = new_y
-        worst = rows[i, 2] - rows[i, 0] * x - rows[i, 1] * y
-    return x, y
+    rows = np.empty((m + k, 3))
+    for i in range(m):
+        n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
+        rows[i, 0] = n_x
+        rows[i, 1] = n_y
+        rows[i, 2] = bound
+    for j in range(k):
+        n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
+        rows[m + j, 0] = n_x
+        rows[m + j, 1] = n_y
+        rows[m + j, 2] = bound
+    radius = limits.max_acceleration
+    count = m + k
+    failed, x, y = nearest_point(count, rows, radius, ax, ay, False)
+    if failed == count:
+        return x, y
+    # Contradicting obstacles cannot all be kept: then no row is hard.
+    hard = m if failed >= m else 0
+    return least_violation(failed, count, hard, rows, radius, x, y)
 
 
 @kernel
@@ -159,51 +144,17 @@ def safety_filter(
     o_radius: NDArray[np.float64],
     limits: SafetyLimits,
 ) -> tuple[float, float]:
-    """The safe acceleration [m/s²] nearest to the desired ``(ax, ay)``.
+    """The safe acceleration [m/s²] nearest to the desired ``(ax, ay)``, never longer than
+    ``max_acceleration``.
 
-    ``v``: own velocity [m/s]; ``rel`` [m], ``vel`` [m/s] (K, 2): neighbours minus me, first ``k`` rows; ``o_rel`` (M, 2):
-    obstacle centres minus me [m], ``o_radius`` (M,) [m], first ``m`` rows. Length never exceeds ``max_acceleration``.
+    ``v``: own velocity [m/s]; ``rel`` [m], ``vel`` [m/s] (K, 2): neighbours minus me, first ``k`` rows;
+    ``o_rel`` (M, 2): obstacle centres minus me [m], ``o_radius`` (M,) [m], first ``m`` rows.
     """
     radius = limits.max_acceleration
-    rows = np.empty((k + m, 3))
-    count = 0
-    for i in range(m):
-        centre = math.sqrt(o_rel[i, 0] * o_rel[i, 0] + o_rel[i, 1] * o_rel[i, 1])
-        if centre < 1e-6:
-            continue
-        n_x = -o_rel[i, 0] / centre
-        n_y = -o_rel[i, 1] / centre
-        v_n = vx * n_x + vy * n_y
-        swing = (vx * vx + vy * vy - v_n * v_n) / centre
-        bound = barrier_bound(
-            centre - o_radius[i], v_n, swing, limits.obstacle_brake, limits.obstacle_clearance, 1.0, limits
-        )
-        if bound > -radius:
-            rows[count, 0] = n_x
-            rows[count, 1] = n_y
-            rows[count, 2] = bound
-            count += 1
-    hard = count
-    for j in range(k):
-        d = math.sqrt(rel[j, 0] * rel[j, 0] + rel[j, 1] * rel[j, 1])
-        if d < 1e-6:
-            continue
-        n_x = -rel[j, 0] / d
-        n_y = -rel[j, 1] / d
-        v_n = -(vel[j, 0] * n_x + vel[j, 1] * n_y)
-        swing = (vel[j, 0] * vel[j, 0] + vel[j, 1] * vel[j, 1] - v_n * v_n) / d
-        bound = barrier_bound(
-            d, v_n, swing, limits.agent_brake, limits.agent_clearance, limits.agent_share, limits
-        )
-        if bound > -radius:
-            rows[count, 0] = n_x
-            rows[count, 1] = n_y
-            rows[count, 2] = bound
-            count += 1
-
-    failed, x, y = _nearest(count, rows, radius, ax, ay, False)
-    if failed == count:
-        return x, y
-    if failed < hard:
-        hard = 0
-    return _least_violation(failed, count, hard, rows, radius, x, y)
+    length = math.sqrt(ax * ax + ay * ay)
+    shrink = radius / length if length > radius else 1.0
+    # Nearly every step ends here. The rest is a kernel of its own because a kernel that allocates also counts
+    # references to its arguments, which costs more than this whole check.
+    if _is_safe(ax * shrink, ay * shrink, vx, vy, k, rel, vel, m, o_rel, o_radius, limits):
+        return ax * shrink, ay * shrink
+    return _solve(ax, ay, vx, vy, k, rel, vel, m, o_rel, o_radius, limits)

@@ -1,0 +1,150 @@
+"""The loop of a drone's own process: hear the world, decide, answer. A thin shell around AgentCore.
+
+It leaves when the world says BYE, when asked to (SIGTERM), or when the world has been silent for too long.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from agent.core import AgentCore
+from protocols import messages
+from protocols.frames import REASONS, FrameError, decode_frame, empty_frames, encode_frame, swarm_tag
+from protocols.mission import Mission, parse_mission
+from protocols.sensed import empty_sensed, pack_sensed, unpack_sensed
+from protocols.status import AgentStatus
+from protocols.swap import SlotNote, decode, encode
+
+_LISTEN_S = 0.2
+_OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
+_STATUS_EVERY = 50  # ticks between accounts of itself when nothing changes
+
+
+class Link(Protocol):
+    """Bytes to and from the world: agent.link.AgentLink, or a test's."""
+
+    def receive(self, timeout_s: float) -> bytes | None: ...
+
+    def send(self, payload: bytes) -> None: ...
+
+
+class Drone:
+    """One drone of a welcomed process: turns TICK fields into a REPLY."""
+
+    def __init__(self, mission: Mission, agent: int, initial_slots: bytes, boot: int) -> None:
+        initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
+        self.core = AgentCore(mission, [agent], initial, boot)
+        self.rejected = dict.fromkeys(REASONS, 0)
+        self._mission, self._agent = mission, agent
+        self._tag = swarm_tag(mission.swarm)
+        self._sensed = empty_sensed(1)
+        self._frames = empty_frames(messages.MAX_HEARD + 1)
+        self._notes: list[object] = [None] * (messages.MAX_HEARD + 1)
+        self._awake = np.ones(1, np.bool_)
+        self._inbox_start = np.zeros(2, np.int64)
+        self._inbox = np.arange(messages.MAX_HEARD)
+        self._quiet = self.core.parties.party[0].note(0)
+        self._told: tuple[Any, ...] = ()
+        self.tick = -1
+
+    def answer(self, tick: int, packed: Any, heard: list[bytes]) -> bytes:
+        """One tick: what is sensed and heard in, the REPLY out. Bad frames are counted and dropped."""
+        self.tick = tick
+        unpack_sensed(packed, self._sensed, 0)
+        self._inbox_start[1] = self._hear(tick, heard)
+        step = self.core.step(
+            tick, self._awake, self._sensed, self._frames, self._notes, self._inbox_start, self._inbox, messages.MAX_HEARD
+        )
+        frame = self._speak() if step.sent[0] else None
+        ax, ay = step.command[0]
+        return messages.pack(messages.REPLY, tick, float(ax), float(ay), int(step.slot[0]), frame, self._news(tick))
+
+    def _hear(self, tick: int, heard: list[bytes]) -> int:
+        """Decode the frames into rows 0, 1, ...; return how many are good."""
+        row, frames = 0, self._frames
+        for data in heard[: messages.MAX_HEARD]:
+            try:
+                note = decode_frame(data, self._tag, self._mission.agents, tick, _OLDEST_FRAME, frames, row)
+                if frames.sender[row] == self._agent:
+                    raise FrameError("sender")
+                self._keep_note(row, note)
+            except FrameError as error:
+                self.rejected[error.reason] += 1
+                continue
+            row += 1
+        return row
+
+    def _keep_note(self, row: int, encoded: Any) -> None:
+        try:
+            note = decode(encoded, self._mission.agents)
+        except (ValueError, TypeError) as error:
+            raise FrameError("malformed") from error
+        self._notes[row] = note
+        self._frames.digest[row] = note.digest
+        self._frames.loud[row] = not (note.quiet and note.settled)
+
+    def _speak(self) -> bytes:
+        out, frames = messages.MAX_HEARD, self._frames
+        if frames.loud[out]:
+            note = self._notes[out]
+            assert isinstance(note, SlotNote)
+        else:
+            note = SlotNote(int(frames.digest[out]), True)
+        return encode_frame(self._tag, frames, out, encode(note))
+
+    def status(self) -> AgentStatus:
+        """The drone's account of itself."""
+        return self.core.status(0, self.tick, tuple(self.rejected.values()))
+
+    def _news(self, tick: int) -> AgentStatus | None:
+        """Its account when its view of the slots changed, and now and then."""
+        parties = self.core.parties
+        if not parties.changed and tick % _STATUS_EVERY != 0:
+            return None
+        return self.status()
+
+    def farewell(self) -> bytes:
+        """The last REPLY."""
+        return messages.pack(messages.REPLY, self.tick, 0.0, 0.0, int(self.core.parties.slot[0]), None, self.status())
+
+
+def rehearse(mission: Mission) -> None:
+    """Load (or on the very first run compile) every kernel a drone needs, so that its first tick is not late."""
+    drone = Drone(mission, 0, bytes(range(mission.agents)), 0)
+    for tick in range(2):
+        drone.answer(tick, pack_sensed(empty_sensed(1), 0), [])
+
+
+def fly(link: Link, agent: int, leaving: Callable[[], bool], wants: str = "") -> str:
+    """Take part in a flight as drone ``agent`` until it is over; return why it ended, for the log.
+
+    Raises:
+        protocols.mission.MissionError, agent.policy.PolicyError: the mission cannot be flown by this version.
+    """
+    link.send(messages.pack(messages.HELLO, messages.VERSION, wants))
+    drone: Drone | None = None
+    silent_s = 0.0
+    while not leaving():
+        data = link.receive(_LISTEN_S)
+        if data is None:
+            silent_s += _LISTEN_S
+            if silent_s >= messages.SILENCE_LIMIT_S:
+                return "the world has fallen silent"
+            if drone is None:
+                link.send(messages.pack(messages.HELLO, messages.VERSION, wants))
+            continue
+        silent_s = 0.0
+        kind, fields = messages.unpack(data)
+        if kind == messages.TICK and drone is not None:
+            tick, packed, heard = fields
+            link.send(drone.answer(tick, packed, heard))
+        elif kind == messages.WELCOME and drone is None:
+            mission, initial_slots, boot = fields
+            drone = Drone(parse_mission(mission, "the world's mission"), agent, initial_slots, boot)
+            link.send(messages.pack(messages.READY))
+        elif kind == messages.BYE:
+            if drone is not None:
+                link.send(drone.farewell())
+            return "the flight is over"
+    return "asked to leave"

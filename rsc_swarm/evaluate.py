@@ -1,0 +1,161 @@
+"""Many flights of one mission, and what they add up to: one row of a table.
+
+Maps are the seeds ``seed_base`` to ``seed_base + maps - 1``; start k of map m flies with seed 1000 m + k. Maps 0 to 199 are
+the test set; 1,000,000 and above are for training and tuning, so that no controller is judged on maps it was made for.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from protocols.mission import Mission, MissionError
+from protocols.status import SWAP_COUNTS
+from rsc_swarm.crew import Flown, Seeds, fly_all
+from rsc_swarm.journal import Journal, fingerprint
+
+STARTS_PER_MAP = 1000
+_Z = 1.959964  # 95 %
+
+
+class Failed(BaseModel):
+    """A flight that failed."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    map: int
+    seed: int
+    failure: str
+    detail: str
+
+
+class Evaluation(BaseModel):
+    """What many flights of one mission add up to. Rates are shares of all runs; means are over the successful ones."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    runs: int
+    success_rate: float
+    success_interval: tuple[float, float] = Field(description="95 % Wilson interval of the success rate")
+    collision_rate: float = Field(description="C: two drones, or a drone and an obstacle, came too close")
+    noncollision_rate: float = Field(description="D: every other failure, mostly no success in time")
+    tau_mean_s: float | None = Field(description="mean time to success; null without a success")
+    tau_max_s: float | None
+    edge_error_mean: float | None = Field(description="mean over flights of the worst tree edge error at success, relative")
+    slot_error_mean_m: float | None = Field(description="mean over flights of the worst slot error at success")
+    slot_error_max_m: float | None
+    min_distance_m: float = Field(description="smallest distance to anything in any run")
+    min_distance_mean_m: float = Field(description="mean over all runs of the smallest distance")
+    held_rate: float | None = Field(description="share of all runs whose formation held for hold_s; null if hold_s is 0")
+    overlap_mean_s: float = Field(description="mean time during which drones claimed the same slot, summed over drones")
+    swaps_per_flight: dict[str, float] = Field(description="mean over runs of the swarm's swap counts")
+    failures: list[Failed]
+    maps: tuple[int, int] = Field(description="first and last map seed")
+    starts: int
+    code: str = Field(description="fingerprint of mission (without seeds) and code; equal ones are comparable")
+    mission: dict[str, Any]
+
+
+def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
+    """(map seed, start seed) of every run.
+
+    Raises:
+        MissionError: seeds that do not exist.
+    """
+    highest = 2**32 // STARTS_PER_MAP
+    if maps < 1:
+        raise MissionError("--maps: give at least 1")
+    if not 1 <= starts <= STARTS_PER_MAP:
+        raise MissionError(f"--starts: give 1 to {STARTS_PER_MAP} starts per map, not {starts}")
+    if not 0 <= seed_base <= highest - maps:
+        raise MissionError(f"--seed-base: map seeds go from 0 to {highest - 1}; give at most {highest - maps}, not {seed_base}")
+    return [(m, m * STARTS_PER_MAP + start) for m in range(seed_base, seed_base + maps) for start in range(starts)]
+
+
+def evaluate(
+    mission: Mission,
+    seeds: list[Seeds],
+    workers: int,
+    journal: Path | None = None,
+    on_flight: Callable[[Flown, bool], None] = lambda flown, known: None,
+) -> list[Flown]:
+    """Fly ``mission`` once per pair of seeds, in the order of ``seeds``.
+
+    Args:
+        journal: keeps finished flights; those it already has are not flown again.
+        on_flight: called with every flight, and whether the journal knew it.
+
+    Raises:
+        rsc_swarm.crew.CrewError, rsc_swarm.journal.JournalError, and as rsc_swarm.simulate.Simulation.
+    """
+    if journal is None:
+        flights = {}
+        for flown in fly_all(mission, seeds, workers):
+            flights[flown.map_seed, flown.seed] = flown
+            on_flight(flown, False)
+        return [flights[pair] for pair in seeds]
+    with Journal(journal) as book:
+        known = [pair for pair in seeds if pair in book.flights]
+        for pair in known:
+            on_flight(book.flights[pair], True)
+        for flown in fly_all(mission, [pair for pair in seeds if pair not in book.flights], workers):
+            book.add(flown)
+            on_flight(flown, False)
+        return [book.flights[pair] for pair in seeds]
+
+
+def journal_path(results: Path, mission: Mission) -> Path:
+    """Where flights of ``mission`` are kept while ``results`` is being made."""
+    return results.with_name(f"{results.stem}.{fingerprint(mission)}.journal.jsonl")
+
+
+def wilson(successes: int, runs: int) -> tuple[float, float]:
+    """The 95 % Wilson interval of a success rate."""
+    share, spread = successes / runs, _Z * _Z / runs
+    middle = (share + spread / 2) / (1 + spread)
+    half = _Z / (1 + spread) * math.sqrt(share * (1 - share) / runs + spread / (4 * runs))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def summarise(mission: Mission, flights: list[Flown], starts: int) -> Evaluation:
+    """What ``flights`` (at least one) add up to."""
+    runs = len(flights)
+    outcomes = [flown.outcome for flown in flights]
+    good = [outcome for outcome in outcomes if outcome.success]
+    collisions = sum(outcome.failure == "collision" for outcome in outcomes)
+    taus = [outcome.tau_s for outcome in good if outcome.tau_s is not None]
+    low, high = wilson(len(good), runs)
+    held = sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
+    return Evaluation(
+        runs=runs,
+        success_rate=len(good) / runs,
+        success_interval=(low, high),
+        collision_rate=collisions / runs,
+        noncollision_rate=(runs - len(good) - collisions) / runs,
+        tau_mean_s=fmean(taus) if taus else None,
+        tau_max_s=max(taus, default=None),
+        edge_error_mean=fmean(outcome.max_edge_error for outcome in good) if good else None,
+        slot_error_mean_m=fmean(outcome.max_slot_error_m for outcome in good) if good else None,
+        slot_error_max_m=max((outcome.max_slot_error_m for outcome in good), default=None),
+        min_distance_m=min(outcome.min_distance_m for outcome in outcomes),
+        min_distance_mean_m=fmean(outcome.min_distance_m for outcome in outcomes),
+        held_rate=held,
+        overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
+        swaps_per_flight={name: fmean(flown.swaps[name] for flown in flights) for name in SWAP_COUNTS},
+        failures=[_failed(flown) for flown in flights if not flown.outcome.success],
+        maps=(min(flown.map_seed for flown in flights), max(flown.map_seed for flown in flights)),
+        starts=starts,
+        code=fingerprint(mission),
+        mission=mission.model_dump(mode="json", exclude={"map_seed", "seed"}),
+    )
+
+
+def _failed(flown: Flown) -> Failed:
+    from rsc_swarm.report import describe_failure
+
+    return Failed(
+        map=flown.map_seed, seed=flown.seed, failure=str(flown.outcome.failure), detail=describe_failure(flown.outcome)
+    )

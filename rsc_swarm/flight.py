@@ -1,0 +1,127 @@
+"""One flight in this process, told to whoever watches: what ``rsc-swarm simulate`` runs.
+
+The outcome is the same whatever is watched or recorded, and as ``rsc-swarm launch`` would have it in lockstep.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from protocols.frames import MAX_FRAME_BYTES, REASONS
+from protocols.mission import TICK_S, Mission
+from protocols.status import AgentStatus
+from rsc_swarm.simulate import Simulation
+from world.core import Outcome
+from world.medium import TALLY
+from world.recorder import Recorder
+from world.telemetry import Snapshot, snapshot
+from world.watch import Watch
+
+_SHOW_EVERY_S = 1 / 8
+_LOOK_EVERY = 5  # ticks between two looks at the wall clock
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What one flight left behind. tally: frames per world.medium.TALLY; statuses: by agent number."""
+
+    outcome: Outcome
+    statuses: dict[int, AgentStatus]
+    tally: dict[str, int]
+    wall_s: float
+    real_time_factor: float
+    median_frame_bytes: int
+    watch: dict[str, Any]
+
+
+def statuses(simulation: Simulation, world: int = 0) -> dict[int, AgentStatus]:
+    """The drones' own accounts, by agent number. No frame is ever rejected in one process."""
+    agents = simulation.world.shape[1]
+    none = (0,) * len(REASONS)
+    first = world * agents
+    return {agent: simulation.agents.status(first + agent, simulation.clock, none) for agent in range(agents)}
+
+
+def fly(
+    mission: Mission,
+    realtime: bool = False,
+    on_snapshot: Callable[[Snapshot], None] | None = None,
+    trajectory: Path | None = None,
+) -> Flight:
+    """Fly ``mission`` to its end.
+
+    Args:
+        realtime: no faster than the wall clock.
+        on_snapshot: called about 8 times a second, and once at the end.
+        trajectory: where to save every drone's path, also when the flight is interrupted.
+
+    Raises:
+        world.field.FieldError, agent.policy.PolicyError: as Simulation.
+    """
+    simulation = Simulation([mission])
+    core, parties = simulation.world, simulation.agents.parties
+    recorder = Recorder(core) if trajectory else None
+    watch, views = Watch(mission.agents), np.full_like(parties.slot_of, -1)
+    sizes = np.zeros(MAX_FRAME_BYTES + 1, np.int64)
+    begin = time.perf_counter()
+    shown = -np.inf
+    try:
+        while core.active[0]:
+            if recorder:
+                recorder.record(core)
+            simulation.tick()
+            sizes += np.bincount(core.frame_bytes[0], minlength=len(sizes))
+            _watch(simulation, watch, views)
+            if core.active[0] and watch.breach:
+                core.end(0, "broken-invariant")
+            elif core.active[0] and not core.flying[0].any():
+                core.end(0, "all-lost")
+            if simulation.clock % _LOOK_EVERY and core.active[0]:
+                continue
+            now = time.perf_counter() - begin
+            if realtime and now < simulation.clock * TICK_S:
+                time.sleep(simulation.clock * TICK_S - now)
+            if on_snapshot and (now - shown >= _SHOW_EVERY_S or not core.active[0]):
+                shown = now
+                on_snapshot(snapshot(core, statuses(simulation), simulation.clock * TICK_S / now))
+    finally:
+        if recorder and trajectory:
+            recorder.record(core)
+            recorder.save(trajectory)
+    outcome = core.outcomes[0]
+    assert outcome is not None
+    wall = time.perf_counter() - begin
+    return Flight(
+        outcome=outcome,
+        statuses=statuses(simulation),
+        tally=dict(zip(TALLY, core.tally[0].tolist(), strict=True)),
+        wall_s=wall,
+        real_time_factor=simulation.clock * TICK_S / wall,
+        median_frame_bytes=_median(sizes),
+        watch=asdict(watch.result(simulation.clock)),
+    )
+
+
+def _watch(simulation: Simulation, watch: Watch, views: np.ndarray) -> None:
+    """Show the watch every view that has changed since ``views``."""
+    core, now = simulation.world, simulation.agents.parties.slot_of
+    changed = np.flatnonzero((views != now).any(axis=1))
+    for agent in changed:
+        watch.see(simulation.clock, int(agent), simulation.agents.status(int(agent), simulation.clock, (0,) * len(REASONS)))
+    views[changed] = now[changed]
+    for fault in simulation.mission.faults:
+        if fault.at_tick == simulation.clock - 1:
+            watch.fault(simulation.clock)
+    watch.tick(simulation.clock, [int(agent) for agent in np.flatnonzero(core.flying[0] & core.responsive[0])])
+
+
+def _median(counts: np.ndarray) -> int:
+    """The median of sizes given as counts per size; size 0 means that nothing was sent."""
+    counts = counts.copy()
+    counts[0] = 0
+    total = int(counts.sum())
+    return int(np.searchsorted(np.cumsum(counts), (total + 1) // 2)) if total else 0

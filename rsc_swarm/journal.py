@@ -1,0 +1,103 @@
+"""The journal of an evaluation: finished flights, one JSON line each, so that a broken-off evaluation goes on where it was.
+
+The file is named after what was flown: the mission without its seeds, and all code and data that decide a flight. Another
+mission, or edited code, therefore has a journal of its own, and none is ever overwritten.
+"""
+
+import fcntl
+import hashlib
+import importlib.util
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numba
+import numpy as np
+
+from protocols.mission import Mission
+from rsc_swarm.crew import Flown, Seeds
+from world.core import Outcome
+
+_ROOT = Path(__file__).resolve().parent.parent
+_DECIDING = ("protocols", "agent", "world", "rsc_swarm/simulate.py")
+
+
+class JournalError(RuntimeError):
+    """The journal cannot be used now; one line says why."""
+
+
+def fingerprint(mission: Mission) -> str:
+    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, flown by the same code."""
+    fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
+    digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
+    digest.update(f"{numba.__version__} {np.__version__}".encode())
+    for path in _deciding_files(mission.policy):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _deciding_files(policy: str) -> Iterator[Path]:
+    for place in _DECIDING:
+        path = _ROOT / place
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            if file.is_file() and "__pycache__" not in file.parts:
+                yield file
+    module, colon, _ = policy.partition(":")
+    spec = importlib.util.find_spec(module) if colon else None
+    if spec and spec.origin:
+        yield Path(spec.origin)
+
+
+class Journal:
+    """Flights finished so far, in ``path``, which grows by one line per flight."""
+
+    def __init__(self, path: Path) -> None:
+        """Open or make the journal.
+
+        Raises:
+            JournalError: another evaluation is writing it.
+        """
+        self.path = path
+        self._file = path.open("a+", encoding="utf-8")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.close()
+            raise JournalError(f"{path}: another evaluation is writing here; give another --json file") from None
+        self._file.seek(0)
+        text = self._file.read()
+        self.flights: dict[Seeds, Flown] = {}
+        for line in text.splitlines():
+            flown = _parse(line)
+            if flown:
+                self.flights[flown.map_seed, flown.seed] = flown
+        if text and not text.endswith("\n"):  # the last writer was cut off in mid-line
+            self._file.write("\n")
+
+    def add(self, flown: Flown) -> None:
+        """Keep one more flight."""
+        self.flights[flown.map_seed, flown.seed] = flown
+        self._file.write(json.dumps(asdict(flown)) + "\n")
+        self._file.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+
+def _parse(line: str) -> Flown | None:
+    """A flight, or None for a line that was cut off."""
+    try:
+        fields = json.loads(line)
+        outcome = Outcome(**{**fields.pop("outcome")})
+        lost = tuple(outcome.lost_agents)
+        return Flown(outcome=Outcome(**{**asdict(outcome), "lost_agents": lost}), **fields)
+    except (ValueError, TypeError, KeyError):
+        return None

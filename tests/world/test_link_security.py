@@ -1,0 +1,292 @@
+"""What an agent with a valid login can hear and say: its own two keys, and nothing else, however it asks.
+
+An intruder here is a bare Zenoh session with an agent's true login that does not keep to the rules. Every
+"nothing is heard" is followed by something that is, on the same path: silence is never mistaken for slowness.
+"""
+
+import json
+import socket
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from agent.link import AgentLink
+from protocols import keys
+from protocols.keys import LinkError, Login
+from world.link import Credentials, WorldLink
+
+SWARM = "wedge"
+PATIENCE_S = 3.0
+CREDENTIALS = Credentials.fresh(SWARM, 3)
+OTHERS_VOICES = (
+    keys.tx(SWARM, 0),
+    keys.tx(SWARM, 2),
+    keys.tx(SWARM, 9),
+    f"{SWARM}/tx/*",
+    f"{SWARM}/tx/**",
+    "*/tx/*",
+    "**",
+)
+OTHERS_EARS = (
+    keys.rx(SWARM, 0),
+    keys.tx(SWARM, 0),
+    f"{SWARM}/rx/*",
+    f"{SWARM}/*/0",
+    f"{SWARM}/**",
+    "**/0",
+    "**",
+)
+
+
+@pytest.fixture
+def endpoint(tmp_path: Path) -> str:
+    return f"unixsock-stream/{tmp_path}/world.sock"
+
+
+@pytest.fixture
+def world(endpoint: str) -> Iterator[WorldLink]:
+    with WorldLink(CREDENTIALS, [endpoint]) as link:
+        yield link
+
+
+@contextmanager
+def intruder(endpoint: str, login: Login | None, mode: str = "client") -> Iterator[zenoh.Session]:
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": 500,
+        "connect/exit_on_failure": True,
+        "listen/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+    }
+    if login is not None:
+        settings["transport/auth/usrpwd/user"] = keys.user(login.agent)
+        settings["transport/auth/usrpwd/password"] = login.password
+    config = zenoh.Config()
+    for name, value in settings.items():
+        config.insert_json5(name, json.dumps(value))
+    with zenoh.open(config) as session:
+        yield session
+
+
+def speak(world: WorldLink, session: zenoh.Session, agent: int, words: bytes) -> None:
+    """Say ``words`` on the intruder's own key until the world has heard them, and nothing spoofed before."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        session.put(keys.tx(SWARM, agent), words)
+        message = world.receive(0.1)
+        assert message is None or (message[0] == agent and message[1] != b"spoofed")
+        if message == (agent, words):
+            return
+    raise AssertionError("the world does not hear even what it may hear")
+
+
+def drain(subscriber: Any, until: bytes | None = None) -> list[tuple[str, bytes]]:
+    """What a raw subscriber has heard; with ``until``, wait for that payload to come."""
+    heard: list[tuple[str, bytes]] = []
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        sample = subscriber.try_recv()
+        if sample is not None:
+            heard.append((str(sample.key_expr), sample.payload.to_bytes()))
+        if (sample is None and until is None) or (heard and heard[-1][1] == until):
+            return heard
+        if sample is None:
+            time.sleep(0.005)
+    raise AssertionError(f"{until!r} never came; heard {heard}")
+
+
+def test_a_thousand_messages_go_both_ways_in_order_and_none_is_lost(world: WorldLink, endpoint: str) -> None:
+    in_flight = 8
+    with AgentLink(endpoint, CREDENTIALS.login(1)) as agent:
+        for k in range(1000 + in_flight):
+            if k < 1000:
+                agent.send(b"up %d" % k)
+                world.send(1, b"down %d" % k)
+            if k >= in_flight:
+                assert world.receive(PATIENCE_S) == (1, b"up %d" % (k - in_flight))
+                assert agent.receive(PATIENCE_S) == b"down %d" % (k - in_flight)
+        assert world.receive(0.0) is None
+        assert agent.receive(0.0) is None
+
+
+def test_the_first_words_of_every_agent_and_the_first_answer_arrive(world: WorldLink, endpoint: str) -> None:
+    for k in range(20):
+        with AgentLink(endpoint, CREDENTIALS.login(k % 3)) as agent:
+            agent.send(b"here I am")
+            assert world.receive(PATIENCE_S) == (k % 3, b"here I am")
+            world.send(k % 3, b"I see you")
+            assert agent.receive(PATIENCE_S) == b"I see you"
+
+
+def test_agents_may_also_come_over_tcp(endpoint: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        tcp = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    with WorldLink(CREDENTIALS, [endpoint, tcp]) as world, AgentLink(tcp, CREDENTIALS.login(2)) as agent:
+        agent.send(b"from afar")
+        assert world.receive(PATIENCE_S) == (2, b"from afar")
+
+
+def test_waiting_for_a_message_takes_as_long_as_asked(world: WorldLink, endpoint: str) -> None:
+    with AgentLink(endpoint, CREDENTIALS.login(0)) as agent:
+        for receive in (world.receive, agent.receive):
+            started = time.monotonic()
+            assert receive(0.05) is None
+            assert 0.045 < time.monotonic() - started < 0.5
+
+
+@pytest.mark.parametrize("mode", ["client", "peer", "router"])
+def test_nobody_speaks_in_anothers_name(world: WorldLink, endpoint: str, mode: str) -> None:
+    with intruder(endpoint, CREDENTIALS.login(1), mode) as session:
+        speak(world, session, 1, b"honest")
+        for key in OTHERS_VOICES:
+            session.put(key, b"spoofed")
+            session.declare_publisher(key).put(b"spoofed")
+            session.delete(key)
+        session.delete(keys.tx(SWARM, 1))
+        speak(world, session, 1, b"honest again")
+
+
+def test_nobody_speaks_to_an_agent_in_the_worlds_name(world: WorldLink, endpoint: str) -> None:
+    with (
+        AgentLink(endpoint, CREDENTIALS.login(0)) as victim,
+        intruder(endpoint, CREDENTIALS.login(1)) as session,
+    ):
+        for key in (keys.rx(SWARM, 0), f"{SWARM}/rx/*", f"{SWARM}/**", "**"):
+            session.put(key, b"forged")
+        session.put(keys.tx(SWARM, 1), b"forging is done")
+        assert world.receive(PATIENCE_S) == (1, b"forging is done")
+        world.send(0, b"true")
+        assert victim.receive(PATIENCE_S) == b"true"
+
+
+@pytest.mark.parametrize("mode", ["client", "peer", "router"])
+def test_nobody_hears_what_is_meant_for_another(world: WorldLink, endpoint: str, mode: str) -> None:
+    with (
+        AgentLink(endpoint, CREDENTIALS.login(0)) as victim,
+        intruder(endpoint, CREDENTIALS.login(1), mode) as session,
+    ):
+        own = session.declare_subscriber(keys.rx(SWARM, 1))
+        ears = [session.declare_subscriber(key) for key in OTHERS_EARS]
+        speak(world, session, 1, b"listening")
+        victim.send(b"secret up")
+        assert world.receive(PATIENCE_S) == (0, b"secret up")
+        world.send(0, b"secret down")
+        assert victim.receive(PATIENCE_S) == b"secret down"
+        world.send(1, b"for you")
+        drain(own, until=b"for you")
+        overheard = [words for ear in ears for _, words in drain(ear)]
+        assert b"secret down" not in overheard
+        assert b"secret up" not in overheard
+
+
+def test_queries_and_liveliness_find_out_nothing(world: WorldLink, endpoint: str) -> None:
+    with AgentLink(endpoint, CREDENTIALS.login(0)), intruder(endpoint, CREDENTIALS.login(1)) as session:
+        for selector in (keys.rx(SWARM, 0), "**", "@/**"):
+            replies = [reply.ok for reply in session.get(selector, timeout=0.2)]
+            about_itself = f"@/{session.zid()}/"
+            assert [r for r in replies if r is None or not str(r.key_expr).startswith(about_itself)] == []
+        assert list(session.liveliness().get("**", timeout=0.2)) == []
+        whether_it_is_there = session.declare_publisher(keys.rx(SWARM, 0))
+        speak(world, session, 1, b"asking")
+        assert not whether_it_is_there.matching_status.matching  # type: ignore[attr-defined]
+
+
+def test_two_agents_find_no_side_door_to_each_other(world: WorldLink, endpoint: str) -> None:
+    with (
+        intruder(endpoint, CREDENTIALS.login(0)) as one,
+        intruder(endpoint, CREDENTIALS.login(1)) as two,
+    ):
+        own = two.declare_subscriber(keys.rx(SWARM, 1))
+        ears = [two.declare_subscriber(key) for key in ("side/door", "**", "@side/door")]
+        tokens = two.liveliness().declare_subscriber("**", history=True)
+        two_answers = two.declare_queryable("side/query", lambda query: query.reply("side/query", b"psst"))
+        one_token = one.liveliness().declare_token("side/token")
+        for key in ("side/door", "@side/door", keys.rx(SWARM, 1)):
+            one.put(key, b"psst")
+        assert list(one.get("side/query", timeout=0.2)) == []
+        one.put(keys.tx(SWARM, 0), b"done")
+        while (message := world.receive(PATIENCE_S)) != (0, b"done"):
+            assert message is not None
+        world.send(1, b"for you")
+        drain(own, until=b"for you")
+        assert [words for ear in ears for _, words in drain(ear) if words != b"for you"] == []
+        assert tokens.try_recv() is None
+        del two_answers, one_token
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        pytest.param({"password": "guessed"}, id="wrong password"),
+        pytest.param({"password": CREDENTIALS.passwords[1]}, id="another's password"),
+        pytest.param({"agent": 7}, id="unknown agent"),
+        pytest.param({"swarm": "other"}, id="another swarm"),
+    ],
+)
+def test_a_wrong_login_does_not_get_in(world: WorldLink, endpoint: str, wrong: dict[str, Any]) -> None:
+    with pytest.raises(LinkError, match="use the login that this launch of the world made") as caught:
+        AgentLink(endpoint, CREDENTIALS.login(0)._replace(**wrong), connect_timeout_s=0.3)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_a_login_nobody_gets_in(world: WorldLink, endpoint: str) -> None:
+    with pytest.raises(zenoh.ZError), intruder(endpoint, None):
+        pass
+
+
+def test_a_world_that_is_not_there_is_named_as_the_trouble(endpoint: str) -> None:
+    with pytest.raises(LinkError, match=r"no world answers at .* within 0.2 s: start"):
+        AgentLink(endpoint, CREDENTIALS.login(0), connect_timeout_s=0.2)
+
+
+@pytest.mark.parametrize(
+    ("endpoints", "trouble"),
+    [
+        ([], "has no endpoint"),
+        (["7447"], "'7447' is not an endpoint"),
+        (["tcp/127.0.0.1"], "is not an endpoint"),
+        (["tcp/127.0.0.1:99999"], "invalid port"),
+        (["unixsock-stream//no/such/folder/world.sock"], "No such file or directory"),
+    ],
+)
+def test_a_bad_endpoint_is_one_clear_line(endpoints: list[str], trouble: str) -> None:
+    with pytest.raises(LinkError, match=trouble) as caught:
+        WorldLink(CREDENTIALS, endpoints)
+    assert "tcp/" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert ".rs:" not in str(caught.value)
+
+
+def test_two_worlds_cannot_share_a_socket(world: WorldLink, endpoint: str) -> None:
+    with pytest.raises(LinkError, match="cannot listen"):
+        WorldLink(CREDENTIALS, [endpoint])
+
+
+def test_a_login_travels_as_a_file_only_its_owner_can_read(tmp_path: Path) -> None:
+    path = tmp_path / "agent-2.json"
+    path.write_text("an older one, readable by all")
+    CREDENTIALS.save_login(2, path)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert Login.from_json(path.read_text()) == CREDENTIALS.login(2)
+    with pytest.raises(ValueError, match="not an agent's login"):
+        Login.from_json('{"swarm": "wedge"}')
+
+
+def test_every_launch_has_fresh_passwords() -> None:
+    passwords = [word for _ in range(3) for word in Credentials.fresh(SWARM, 5).passwords]
+    assert len(set(passwords)) == 15
+    assert min(map(len, passwords)) >= 32
+
+
+@pytest.mark.parametrize("name", ["", "two words", "a/b", "*", "**", "$", "-dash", "é", "x" * 65])
+def test_a_swarm_name_is_one_chunk_of_a_key(name: str) -> None:
+    with pytest.raises(ValueError, match="is not a swarm name: use"):
+        keys.tx(name, 0)

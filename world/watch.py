@@ -1,0 +1,106 @@
+"""The watch: what must hold among the drones' views of the slots, checked during every flight.
+
+    permutation  every view gives every slot to exactly one drone
+    agreement    drones that know the same swaps (equal digests) have equal views
+    no livelock  in no second are there more swaps than drones
+
+A breach is kept with the tick, the drones and the two views, and fails the flight. Measured besides: how long after the
+last fault all living drones had the same view again, and how many swaps were undone by a merge.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+from protocols.mission import TICK_S
+from protocols.status import SWAP_COUNTS, AgentStatus
+
+_SECOND = round(1 / TICK_S)
+_COMMITTED, _VACATED, _UNDONE = (SWAP_COUNTS.index(name) for name in ("committed", "vacated", "undone"))
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What the watch saw in one flight. agreed_after_s: seconds from the last fault (or the start) to the first moment from
+    which all living drones had one view to the end; None if they had not."""
+
+    breach: str | None
+    views_differ_s: float
+    agreed_after_s: float | None
+    most_swaps_in_a_second: int
+    undone: int
+
+
+class Watch:
+    """Collects the views of N drones as they change."""
+
+    def __init__(self, agents: int) -> None:
+        self._agents = agents
+        self._everyone = list(range(agents))
+        self._status: dict[int, AgentStatus] = {}
+        self._view_of: dict[int, tuple[bytes, int]] = {}
+        self._swaps = 0
+        self._recent: deque[tuple[int, int]] = deque()
+        self._most = 0
+        self._changed = False
+        self._living = agents
+        self._differ = False
+        self._differ_ticks = 0
+        self._last_fault = 0
+        self._last_differ = -1
+        self.breach: str | None = None
+
+    def see(self, tick: int, agent: int, status: AgentStatus) -> None:
+        """A drone's account at this tick; keeps the first breach."""
+        self._changed = True
+        self._status[agent] = status
+        if self.breach:
+            return
+        view = list(status.view)
+        if sorted(view) != self._everyone:
+            self.breach = f"permutation broken at tick {tick}: agent {agent} believes {view}"
+            return
+        known, first = self._view_of.setdefault(status.digest, (status.view, agent))
+        if known != status.view:
+            self.breach = (
+                f"agreement broken at tick {tick}: agents {first} and {agent} know the same swaps but believe "
+                f"{list(known)} and {view}"
+            )
+
+    def fault(self, tick: int) -> None:
+        """Something was done to the swarm at this tick."""
+        self._last_fault = tick
+
+    def tick(self, tick: int, living: list[int]) -> None:
+        """Once per tick, after all accounts: ``living`` are the drones that fly and answer."""
+        if self._changed or len(living) != self._living:
+            views = {self._status[agent].view for agent in living if agent in self._status}
+            self._differ = len(views) > 1
+            self._living = len(living)
+        if self._differ:
+            self._differ_ticks += 1
+            self._last_differ = tick
+        if not self._changed and not self._recent:
+            return
+        self._changed = False
+        total = sum(status.swaps[_COMMITTED] + status.swaps[_VACATED] for status in self._status.values())
+        if total > self._swaps:
+            self._recent.append((tick, total - self._swaps))
+        self._swaps = total
+        while self._recent and self._recent[0][0] <= tick - _SECOND:
+            self._recent.popleft()
+        in_a_second = sum(count for _, count in self._recent)
+        self._most = max(self._most, in_a_second)
+        if in_a_second > self._agents and not self.breach:
+            self.breach = f"livelock at tick {tick}: {in_a_second} swaps within one second among {self._agents} drones"
+
+    def result(self, tick: int) -> Watched:
+        """What was seen up to ``tick``."""
+        agreed = self._last_differ < tick - 1
+        after = max(0, self._last_differ + 1 - self._last_fault) * TICK_S
+        return Watched(
+            breach=self.breach,
+            views_differ_s=self._differ_ticks * TICK_S,
+            agreed_after_s=round(after, 2) if agreed else None,
+            most_swaps_in_a_second=self._most,
+            undone=sum(status.swaps[_UNDONE] for status in self._status.values()),
+        )
