@@ -13,72 +13,22 @@ the same. Each tick, for every awake row:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent import observation, perceive
+from agent import cycle
 from agent.control.gains import SafetyLimits
-from agent.control.safety import safety_filter
-from agent.memory import Memory, empty_memory, forget
+from agent.memory import empty_memory, forget
 from agent.parties import Parties
 from agent.policy import Policy, Seen, find_policy
 from protocols import trigger
 from protocols.formation import NO_PARENT
-from protocols.frames import OBSERVATION_SIZE, OBSERVATION_UNIT, Frames
-from protocols.kernels import kernel
+from protocols.frames import OBSERVATION_SIZE, Frames
 from protocols.mission import TICK_S, Mission
 from protocols.sensed import Sensed
 from protocols.status import SWAP_COUNTS, AgentStatus
-
-
-@kernel
-def _choose_swaps(
-    tick: int,
-    awake: NDArray[np.bool_],
-    me: NDArray[np.int64],
-    rule: int,
-    margin: float,
-    connected: bool,
-    memory_ticks: int,
-    silent: int,
-    range_m: float,
-    error: NDArray[np.float64],
-    offsets: NDArray[np.float64],
-    parent: NDArray[np.int16],
-    depth: NDArray[np.int64],
-    slot_of: NDArray[np.int64],
-    occupant: NDArray[np.int64],
-    memory: Memory,
-    partner: NDArray[np.int64],
-    vacated: NDArray[np.int64],
-) -> None:
-    for row in range(me.shape[0]):
-        partner[row], vacated[row] = trigger.NOBODY, trigger.NOBODY
-        if not awake[row] or rule == trigger.OFF:
-            continue
-        ex, ey = error[row, 0], error[row, 1]
-        partner[row] = trigger.swap_partner(
-            me[row], tick, rule, margin, connected, memory_ticks, range_m, ex, ey, offsets, parent, depth, slot_of[row],
-            occupant[row], memory.heard_tick[row], memory.hops[row], memory.rel[row],
-        )  # fmt: skip
-        vacated[row] = trigger.vacancy_to_fill(
-            me[row], tick, silent, ex, ey, offsets, parent, slot_of[row], occupant[row], memory.last_seen[row],
-            memory.hops[row], memory.rel[row],
-        )  # fmt: skip
-
-
-@kernel
-def _filter(
-    awake: NDArray[np.bool_], velocity: NDArray[np.float64], memory: Memory, limits: SafetyLimits, command: NDArray[np.float64]
-) -> None:
-    for row in range(awake.shape[0]):
-        if awake[row]:
-            command[row, 0], command[row, 1] = safety_filter(
-                command[row, 0], command[row, 1], velocity[row, 0], velocity[row, 1], memory.near_count[row],
-                memory.near_rel[row], memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row],
-                memory.obstacle_radius[row], limits,
-            )  # fmt: skip
 
 
 def tree_depth(parent: NDArray[np.int16]) -> NDArray[np.int64]:
@@ -92,7 +42,33 @@ def tree_depth(parent: NDArray[np.int16]) -> NDArray[np.int64]:
     return depth
 
 
-@dataclass(frozen=True)
+class _Constants(NamedTuple):
+    """What a mission means in ticks and numbers."""
+
+    by_sensor: bool
+    chain: bool
+    rule: int
+    memory_ticks: int
+    silent_ticks: int
+    frame_every: int
+    depth: NDArray[np.int64]
+    limits: SafetyLimits
+
+    @staticmethod
+    def of(mission: Mission) -> "_Constants":
+        return _Constants(
+            by_sensor=mission.sensing.neighbours == "sensed",
+            chain=mission.aim == "chain",
+            rule=trigger.RULES[mission.swap.rule],
+            memory_ticks=round(mission.radio.memory_s / TICK_S),
+            silent_ticks=round(mission.swap.silent_s / TICK_S),
+            frame_every=mission.frame_every,
+            depth=tree_depth(mission.plan.parent),
+            limits=SafetyLimits(max_acceleration=mission.limits.acceleration_mps2),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """What the hosted drones do this tick. Rows of sleeping drones are meaningless.
 
@@ -129,13 +105,12 @@ class AgentCore:
         self.parties = Parties(mission, self.me, initial_slots, boot)
         rows = len(self.me)
         self.memory = empty_memory(rows, mission.agents)
-        self._depth = tree_depth(self.plan.parent)
-        self._memory_ticks = round(mission.radio.memory_s / TICK_S)
-        self._silent = round(mission.swap.silent_s / TICK_S)
-        self._limits = SafetyLimits(max_acceleration=mission.limits.acceleration_mps2)
+        self._constants = _Constants.of(mission)
         self._chain_error = np.zeros((rows, 2))
         self._slot_error = np.zeros((rows, 2))
-        self._observation = np.zeros((rows, OBSERVATION_SIZE), np.int16)
+        self._observation = np.zeros((rows, OBSERVATION_SIZE))
+        self._news = np.zeros(rows, np.bool_)
+        self._sent = np.zeros(rows, np.bool_)
         self._partner = np.full(rows, trigger.NOBODY, np.int64)
         self._vacated = np.full(rows, trigger.NOBODY, np.int64)
 
@@ -163,49 +138,33 @@ class AgentCore:
                 decoded slot notes, read only where ``frames.loud``.
             first: frames and notes rows first + r receive what row r broadcasts.
         """
-        mission, plan, memory, parties = self.mission, self.plan, self.memory, self.parties
-        perceive.perceive(
-            tick, awake, self.me, sensed, frames, inbox_start, inbox, mission.sensing.neighbours == "sensed",
-            mission.sensing.obstacle_memory, self._memory_ticks, mission.radio.range_m, mission.radio.hops, memory,
+        mission, plan, memory, parties, known = self.mission, self.plan, self.memory, self.parties, self._constants
+        news = cycle.before_policy(
+            tick, awake, self.me, inbox_start, inbox, known.by_sensor, mission.sensing.obstacle_memory, known.memory_ticks,
+            mission.radio.range_m, mission.sensing.range_m, mission.radio.hops, known.chain, known.rule, mission.swap.margin_m,
+            mission.swap.connected, known.silent_ticks, plan.offsets, plan.parent, known.depth, parties.slot_of,
+            parties.occupant, parties.digest, parties.busy, self._chain_error, self._slot_error, self._observation,
+            self._partner, self._vacated, self._news, *sensed, *frames, *memory,
         )  # fmt: skip
-        chain = mission.aim == "chain"
-        self._aim(awake, chain, sensed)
-        _choose_swaps(
-            tick, awake, self.me, trigger.RULES[mission.swap.rule], mission.swap.margin_m, mission.swap.connected,
-            self._memory_ticks, self._silent, mission.radio.range_m, self._chain_error, plan.offsets, plan.parent, self._depth,
-            parties.slot_of, parties.occupant, memory, self._partner, self._vacated,
-        )  # fmt: skip
-        if parties.step(tick, awake, frames, notes, inbox_start, inbox, self._partner, self._vacated):
-            self._aim(awake, chain, sensed)
-        observation.observe(awake, mission.sensing.range_m, sensed, memory, self._slot_error, self._observation)
-        # Copies, not views: a one-row slice would count as contiguous, a longer one not, and kernels compile per layout.
-        position, velocity, target_velocity = (sensed.motion[:, at : at + 2].copy() for at in (0, 2, 6))
-        command = self.policy.act(
-            Seen(
-                tick, self.me, awake, position, velocity, target_velocity, self._chain_error, self._slot_error,
-                self._observation / OBSERVATION_UNIT, memory,
+        parties.changed.clear()
+        if news and parties.step(tick, self._news, frames, notes, inbox_start, inbox, self._partner, self._vacated):
+            cycle.aim_again(
+                awake, self.me, known.chain, mission.sensing.range_m, plan.offsets, plan.parent, parties.slot_of,
+                parties.occupant, self._chain_error, self._slot_error, self._observation, *sensed, *memory,
             )  # fmt: skip
+        command = self.policy.act(
+            Seen(tick, self.me, awake, sensed.motion, self._chain_error, self._slot_error, self._observation, memory)
         )
-        if mission.safety_filter:
-            _filter(awake, velocity, memory, self._limits, command)
-        every = mission.frame_every
-        # Drones take turns at low frame rates, so that not all speak in the same tick.
-        sent = awake & ((tick + self.me) % every == 0)
-        perceive.compose_frames(
-            tick, sent, self.me, parties.slot, mission.radio.hops, tick // every, sensed, self._observation, memory, frames, first
-        )
-        parties.write_notes(tick, sent, frames, notes, first)
-        return Step(command, parties.slot, sent)
+        cycle.after_policy(
+            tick, awake, self.me, parties.slot, parties.digest, mission.radio.hops, known.frame_every, first,
+            mission.safety_filter, known.limits, self._observation, command, self._sent, *sensed, *frames, *memory,
+        )  # fmt: skip
+        parties.write_notes(tick, self._sent, frames, notes, first)
+        return Step(command, parties.slot, self._sent)
 
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.frames.REASONS."""
         party = self.parties.party[row]
-        fresh = tick - self.memory.heard_tick[row] <= self._memory_ticks
+        fresh = tick - self.memory.heard_tick[row] <= self._constants.memory_ticks
         counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
         return AgentStatus(int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of))
-
-    def _aim(self, awake: NDArray[np.bool_], chain: bool, sensed: Sensed) -> None:
-        observation.aim(
-            awake, self.me, chain, sensed, self.memory, self.plan.offsets, self.plan.parent, self.parties.slot_of,
-            self.parties.occupant, self._chain_error, self._slot_error,
-        )  # fmt: skip

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from agent.memory import Memory
 from protocols.formation import NO_PARENT
-from protocols.frames import OBSERVATION_UNIT
 from protocols.kernels import kernel
+from protocols.relative import UNKNOWN
 from protocols.sensed import Sensed
 
 
 @kernel
-def aim(
-    awake: NDArray[np.bool_],
-    me: NDArray[np.int64],
+def aim_row(
+    row: int,
+    me: int,
     chain: bool,
     sensed: Sensed,
     memory: Memory,
@@ -36,26 +36,23 @@ def aim(
     chain_error: NDArray[np.float64],
     slot_error: NDArray[np.float64],
 ) -> None:
-    """Each awake row's targets minus its position [m], written to chain_error and slot_error (A, 2).
+    """One row's targets minus its position [m], written to chain_error and slot_error (A, 2).
 
     slot:  virtual target + the slot's offset.
     chain: p_{i -> tar(i)} = p_{i -> leader} + (slot offset - leader's slot offset) (paper, Sec. II-B1), over at most three
            hops; the root's target is the virtual target. A leader out of reach falls back to the slot target. Without
            ``chain`` both errors are the slot's.
     """
-    for row in range(me.shape[0]):
-        if not awake[row]:
-            continue
-        motion, slot = sensed.motion[row], slot_of[row, me[row]]
-        slot_error[row, 0] = motion[4] + offsets[slot, 0] - motion[0]
-        slot_error[row, 1] = motion[5] + offsets[slot, 1] - motion[1]
-        chain_error[row] = slot_error[row]
-        above = parent[slot]
-        if chain and above != NO_PARENT:
-            leader = occupant[row, above]
-            if memory.hops[row, leader] <= 3:
-                chain_error[row, 0] = memory.rel[row, leader, 0] + offsets[slot, 0] - offsets[above, 0]
-                chain_error[row, 1] = memory.rel[row, leader, 1] + offsets[slot, 1] - offsets[above, 1]
+    motion, slot = sensed.motion[row], slot_of[row, me]
+    slot_error[row, 0] = motion[4] + offsets[slot, 0] - motion[0]
+    slot_error[row, 1] = motion[5] + offsets[slot, 1] - motion[1]
+    chain_error[row] = slot_error[row]
+    above = parent[slot]
+    if chain and above != NO_PARENT:
+        leader = occupant[row, above]
+        if memory.hops[row, leader] != UNKNOWN:
+            chain_error[row, 0] = memory.rel[row, leader, 0] + offsets[slot, 0] - offsets[above, 0]
+            chain_error[row, 1] = memory.rel[row, leader, 1] + offsets[slot, 1] - offsets[above, 1]
 
 
 @kernel
@@ -71,9 +68,15 @@ def _two_nearest(distance: NDArray[np.float64], count: int) -> tuple[int, int]:
 
 @kernel
 def observe_row(
-    row: int, reach: float, sensed: Sensed, memory: Memory, slot_error: NDArray[np.float64], x: NDArray[np.float64]
+    row: int,
+    reach: float,
+    sensed: Sensed,
+    memory: Memory,
+    slot_error: NDArray[np.float64],
+    observation: NDArray[np.float64],
 ) -> None:
-    """Fill x (18,) for one row; ``reach`` is the sensing range [m]."""
+    """Fill observation[row] (18,); ``reach`` is the sensing range [m]."""
+    x = observation[row]
     x[:] = 0.0
     ex, ey = slot_error[row, 0], slot_error[row, 1]
     compress = 1.0 / (1.0 + 0.5 * math.hypot(ex, ey))
@@ -102,22 +105,3 @@ def observe_row(
             x[place], x[place + 1] = -rel[0] / centre * s, -rel[1] / centre * s
             x[place + 2], x[place + 3] = 0.5 * vel[0] * s, 0.5 * vel[1] * s
         place += 4
-
-
-@kernel
-def observe(
-    awake: NDArray[np.bool_],
-    reach: float,
-    sensed: Sensed,
-    memory: Memory,
-    slot_error: NDArray[np.float64],
-    observation: NDArray[np.int16],
-) -> None:
-    """X_i of every awake row in the frame's 16-bit fixed point, observation (A, 18); decode with / OBSERVATION_UNIT."""
-    x = np.empty(observation.shape[1])
-    for row in range(awake.shape[0]):
-        if awake[row]:
-            observe_row(row, reach, sensed, memory, slot_error, x)
-            for index in range(x.shape[0]):
-                scaled = x[index] * OBSERVATION_UNIT
-                observation[row, index] = np.int16(math.floor(min(max(scaled, -32767.0), 32767.0) + 0.5))

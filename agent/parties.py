@@ -1,41 +1,16 @@
 """The slot protocol endpoints (protocols.swap) of the hosted drones, attended only when there is something to attend to.
 
-Almost always nothing changes: every digest heard equals one's own and no note says more. One pass over the inbox tells;
-only rows with news run their `SlotParty`.
+Almost always nothing changes: every digest heard equals one's own and no note says more. agent.cycle tells which rows have
+news; only those run their `SlotParty`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.frames import Frames
-from protocols.kernels import kernel
 from protocols.mission import TICK_S, Mission
 from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
 from protocols.trigger import NOBODY
-
-
-@kernel
-def _has_news(
-    awake: NDArray[np.bool_],
-    digest: NDArray[np.uint64],
-    busy: NDArray[np.bool_],
-    frames: Frames,
-    inbox_start: NDArray[np.int64],
-    inbox: NDArray[np.int64],
-    partner: NDArray[np.int64],
-    vacated: NDArray[np.int64],
-    news: NDArray[np.bool_],
-) -> bool:
-    found = False
-    for row in range(awake.shape[0]):
-        news[row] = awake[row] and (busy[row] or partner[row] != NOBODY or vacated[row] != NOBODY)
-        if awake[row] and not news[row]:
-            for index in range(inbox_start[row], inbox_start[row + 1]):
-                if frames.loud[inbox[index]] or frames.digest[inbox[index]] != digest[row]:
-                    news[row] = True
-                    break
-        found |= news[row]
-    return found
 
 
 def _make_party(mission: Mission, me: int, initial: list[int], boot: int) -> SlotParty:
@@ -50,7 +25,8 @@ def _make_party(mission: Mission, me: int, initial: list[int], boot: int) -> Slo
 class Parties:
     """One `SlotParty` per hosted drone, and their views as arrays for the kernels.
 
-    slot_of, occupant: (A, N) each drone's view, agent -> slot and slot -> agent. slot: (A,) its own slot.
+    slot_of, occupant: (A, N) each drone's view, agent -> slot and slot -> agent. slot: (A,) its own slot. digest: (A,) of its
+    swap set. busy: (A,) whether its protocol has business of its own. changed: rows whose view changed this tick.
     """
 
     def __init__(self, mission: Mission, me: NDArray[np.int64], initial_slots: NDArray[np.int16], boot: int) -> None:
@@ -61,9 +37,8 @@ class Parties:
         self.slot_of = np.zeros((rows, mission.agents), np.int64)
         self.occupant = np.zeros((rows, mission.agents), np.int64)
         self.slot = np.zeros(rows, np.int64)
-        self._digest = np.zeros(rows, np.uint64)
-        self._busy = np.zeros(rows, np.bool_)
-        self._news = np.zeros(rows, np.bool_)
+        self.digest = np.zeros(rows, np.uint64)
+        self.busy = np.zeros(rows, np.bool_)
         self.changed: list[int] = []
         for row in range(rows):
             self._refresh(row)
@@ -76,10 +51,10 @@ class Parties:
     def _refresh(self, row: int) -> bool:
         """Copy the party's view into the arrays; True if it changed."""
         party = self.party[row]
-        self._busy[row] = not party.quiet
-        if self._digest[row] == party.digest:
+        self.busy[row] = not party.quiet
+        if self.digest[row] == party.digest:
             return False
-        self._digest[row] = party.digest
+        self.digest[row] = party.digest
         self.slot_of[row] = party.slot_of
         self.occupant[row, self.slot_of[row]] = np.arange(len(party.slot_of))
         self.slot[row] = party.slot
@@ -88,7 +63,7 @@ class Parties:
     def step(
         self,
         tick: int,
-        awake: NDArray[np.bool_],
+        news: NDArray[np.bool_],
         frames: Frames,
         notes: list[object],
         inbox_start: NDArray[np.int64],
@@ -96,11 +71,8 @@ class Parties:
         partner: NDArray[np.int64],
         vacated: NDArray[np.int64],
     ) -> bool:
-        """Hear the notes, watch the time-outs, act on the triggers; True if any view changed (rows in ``changed``)."""
-        self.changed = []
-        if not _has_news(awake, self._digest, self._busy, frames, inbox_start, inbox, partner, vacated, self._news):
-            return False
-        for row in np.flatnonzero(self._news):
+        """For rows with news: hear the notes, watch the time-outs, act on the triggers. True if any view changed."""
+        for row in np.flatnonzero(news):
             party = self.party[row]
             for index in inbox[inbox_start[row] : inbox_start[row + 1]]:
                 note = notes[index] if frames.loud[index] else SlotNote(int(frames.digest[index]), True)
@@ -116,13 +88,10 @@ class Parties:
         return bool(self.changed)
 
     def write_notes(self, tick: int, sent: NDArray[np.bool_], frames: Frames, notes: list[object], first: int) -> None:
-        """Put every sending row's slot note into its frame row."""
-        rows = len(sent)
-        frames.digest[first : first + rows] = self._digest
-        frames.loud[first : first + rows] = 0
-        if not self._busy.any():
+        """Where a sending row's note says more than its digest, put it into its frame row."""
+        if not self.busy.any():
             return
-        for row in np.flatnonzero(sent & self._busy):
+        for row in np.flatnonzero(sent & self.busy):
             note = self.party[row].note(tick)
             if not (note.quiet and note.settled):
                 notes[first + row] = note

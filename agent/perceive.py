@@ -1,10 +1,12 @@
 """From sensors and heard frames to what a drone knows: neighbours, relative positions, obstacles, who is alive."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory
-from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, Frames
+from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, OBSERVATION_UNIT, Frames
 from protocols.kernels import kernel
 from protocols.mission import TICK_S
 from protocols.relative import chain_displacements
@@ -102,10 +104,10 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
 
 
 @kernel
-def perceive(
+def perceive_row(
     tick: int,
-    awake: NDArray[np.bool_],
-    me: NDArray[np.int64],
+    row: int,
+    me: int,
     sensed: Sensed,
     frames: Frames,
     inbox_start: NDArray[np.int64],
@@ -117,74 +119,69 @@ def perceive(
     max_hops: int,
     memory: Memory,
 ) -> None:
-    """One tick of perception for every awake row; ``inbox[inbox_start[r]:inbox_start[r + 1]]`` are frames row r hears."""
-    for row in range(me.shape[0]):
-        if not awake[row]:
-            continue
-        memory.last_seen[row, me[row]] = tick
-        for index in range(inbox_start[row], inbox_start[row + 1]):
-            hear_frame(memory, row, frames, inbox[index])
-        find_neighbours(memory, row, me[row], tick, sensed, by_sensor, keep, range_m)
-        recall_obstacles(memory, row, sensed, remember_obstacles)
-        chain_displacements(
-            me[row],
-            tick,
-            keep,
-            max_hops,
-            memory.near_count[row],
-            memory.near_id[row],
-            memory.near_rel[row],
-            memory.heard_tick[row],
-            memory.heard_one_hop[row],
-            memory.heard_count[row],
-            memory.heard_known[row],
-            memory.heard_displacement[row],
-            memory.hops[row],
-            memory.rel[row],
-        )
+    """One tick of perception for one row, which hears frames ``inbox[inbox_start[row]:inbox_start[row + 1]]``."""
+    memory.last_seen[row, me] = tick
+    for index in range(inbox_start[row], inbox_start[row + 1]):
+        hear_frame(memory, row, frames, inbox[index])
+    find_neighbours(memory, row, me, tick, sensed, by_sensor, keep, range_m)
+    recall_obstacles(memory, row, sensed, remember_obstacles)
+    chain_displacements(
+        me,
+        tick,
+        keep,
+        max_hops,
+        memory.near_count[row],
+        memory.near_id[row],
+        memory.near_rel[row],
+        memory.heard_tick[row],
+        memory.heard_one_hop[row],
+        memory.heard_count[row],
+        memory.heard_known[row],
+        memory.heard_displacement[row],
+        memory.hops[row],
+        memory.rel[row],
+    )
 
 
 @kernel
-def compose_frames(
+def compose_row(
     tick: int,
-    awake: NDArray[np.bool_],
-    me: NDArray[np.int64],
-    slot: NDArray[np.int64],
+    row: int,
+    me: int,
+    slot: int,
     max_hops: int,
     turn: int,
     sensed: Sensed,
-    observation: NDArray[np.int16],
+    observation: NDArray[np.float64],
     memory: Memory,
     frames: Frames,
-    first: int,
+    out: int,
 ) -> None:
-    """Write each awake row's broadcast into ``frames`` row first + r. ``turn`` counts a drone's frames, to rotate the ages."""
+    """Write one row's broadcast into ``frames`` row ``out``. ``turn`` counts a drone's frames, to rotate the ages."""
     agents = memory.heard_tick.shape[1]
-    for row in range(me.shape[0]):
-        if not awake[row]:
-            continue
-        out = first + row
-        frames.tick[out] = tick
-        frames.sender[out] = me[row]
-        frames.slot[out] = slot[row]
-        for index in range(4):
-            frames.motion[out, index] = sensed.motion[row, index]
-        frames.observation[out] = observation[row]
-        count = 0
-        frames.one_hop[out] = 0
-        for distance in range(1, min(2, max_hops - 1) + 1):
-            for other in range(agents):
-                if memory.hops[row, other] == distance and count < MAX_KNOWN:
-                    frames.known[out, count] = other
-                    frames.displacement[out, count, 0] = memory.rel[row, other, 0]
-                    frames.displacement[out, count, 1] = memory.rel[row, other, 1]
-                    count += 1
-            if distance == 1:
-                frames.one_hop[out] = count
-        frames.known_count[out] = count
-        begin = (turn * AGE_WINDOW) % agents
-        frames.age_from[out] = begin
-        for offset in range(AGE_WINDOW):
-            # Rounded up: an age that shrank in transit would keep a dead drone alive for ever.
-            age = (tick - memory.last_seen[row, (begin + offset) % agents] + AGE_UNIT_TICKS - 1) // AGE_UNIT_TICKS
-            frames.ages[out, offset] = min(age, AGE_NEVER)
+    frames.tick[out] = tick
+    frames.sender[out] = me
+    frames.slot[out] = slot
+    for index in range(4):
+        frames.motion[out, index] = sensed.motion[row, index]
+    for index in range(observation.shape[1]):
+        scaled = observation[row, index] * OBSERVATION_UNIT
+        frames.observation[out, index] = np.int16(math.floor(min(max(scaled, -32767.0), 32767.0) + 0.5))
+    count = 0
+    frames.one_hop[out] = 0
+    for distance in range(1, min(2, max_hops - 1) + 1):
+        for other in range(agents):
+            if memory.hops[row, other] == distance and count < MAX_KNOWN:
+                frames.known[out, count] = other
+                frames.displacement[out, count, 0] = memory.rel[row, other, 0]
+                frames.displacement[out, count, 1] = memory.rel[row, other, 1]
+                count += 1
+        if distance == 1:
+            frames.one_hop[out] = count
+    frames.known_count[out] = count
+    begin = (turn * AGE_WINDOW) % agents
+    frames.age_from[out] = begin
+    for offset in range(AGE_WINDOW):
+        # Rounded up: an age that shrank in transit would keep a dead drone alive for ever.
+        age = (tick - memory.last_seen[row, (begin + offset) % agents] + AGE_UNIT_TICKS - 1) // AGE_UNIT_TICKS
+        frames.ages[out, offset] = min(age, AGE_NEVER)

@@ -10,7 +10,7 @@ import numpy as np
 
 from agent.core import AgentCore
 from protocols import messages
-from protocols.frames import REASONS, FrameError, decode_frame, empty_frames, encode_frame, swarm_tag
+from protocols.frames import REASONS, FrameError, FrameReader, empty_frames, encode_frame, swarm_tag
 from protocols.mission import Mission, parse_mission
 from protocols.sensed import empty_sensed, pack_sensed, unpack_sensed
 from protocols.status import AgentStatus
@@ -40,12 +40,11 @@ class Drone:
         self._tag = swarm_tag(mission.swarm)
         self._sensed = empty_sensed(1)
         self._frames = empty_frames(messages.MAX_HEARD + 1)
+        self._reader = FrameReader(self._tag, mission.agents, self._frames)
         self._notes: list[object] = [None] * (messages.MAX_HEARD + 1)
         self._awake = np.ones(1, np.bool_)
         self._inbox_start = np.zeros(2, np.int64)
         self._inbox = np.arange(messages.MAX_HEARD)
-        self._quiet = self.core.parties.party[0].note(0)
-        self._told: tuple[Any, ...] = ()
         self.tick = -1
 
     def answer(self, tick: int, packed: Any, heard: list[bytes]) -> bytes:
@@ -61,12 +60,12 @@ class Drone:
         return messages.pack(messages.REPLY, tick, float(ax), float(ay), int(step.slot[0]), frame, self._news(tick))
 
     def _hear(self, tick: int, heard: list[bytes]) -> int:
-        """Decode the frames into rows 0, 1, ...; return how many are good."""
-        row, frames = 0, self._frames
+        """Read the frames into rows 0, 1, ...; return how many are good."""
+        row = 0
         for data in heard[: messages.MAX_HEARD]:
             try:
-                note = decode_frame(data, self._tag, self._mission.agents, tick, _OLDEST_FRAME, frames, row)
-                if frames.sender[row] == self._agent:
+                sender, note = self._reader.read(data, tick, _OLDEST_FRAME, row)
+                if sender == self._agent:
                     raise FrameError("sender")
                 self._keep_note(row, note)
             except FrameError as error:

@@ -12,6 +12,8 @@ Rows of `Frames` are the decoded form. Drones in one process share the rows inst
 what the wire would have carried: every field is stored in its wire type.
 """
 
+import math
+import struct
 import zlib
 from typing import Any, NamedTuple
 
@@ -27,6 +29,9 @@ OBSERVATION_UNIT = 2048.0  # observation numbers travel as 16-bit fixed point, +
 AGE_WINDOW = 8  # silence ages told per frame, in turn over all drones
 AGE_UNIT_TICKS = 10
 AGE_NEVER = 255
+
+# The fields of FIXED that a receiver checks: tick, motion, sender, slot, one_hop, known_count, age_from.
+_CHECKED = struct.Struct(f"<I4f{2 * OBSERVATION_SIZE}x{AGE_WINDOW}x5B")
 
 REASONS = ("oversized", "malformed", "version", "foreign", "sender", "stale", "non-finite")
 
@@ -113,42 +118,53 @@ def encode_frame(tag: int, frames: Frames, row: int, note: Any) -> bytes:
     return packed
 
 
-def decode_frame(data: bytes, tag: int, agents: int, now: int, memory: int, frames: Frames, row: int) -> Any:
-    """Check a frame heard at tick ``now`` and write it into ``row``; return its slot note, still unchecked.
+class FrameReader:
+    """Checks what is heard and writes it into rows of frames, by copying bytes: the records are the wire's own."""
 
-    Args:
-        memory: ticks; a frame older than this, or from the future, is stale.
+    def __init__(self, tag: int, agents: int, frames: Frames) -> None:
+        self._tag, self._agents = tag, agents
+        self._fixed, self._known, self._displacement = (
+            memoryview(array.reshape(-1).view(np.uint8)).cast("B") for array in (frames.fixed, frames.known, frames.displacement)
+        )
 
-    Raises:
-        FrameError: with the reason; the row is then not to be used.
-    """
-    if len(data) > MAX_FRAME_BYTES:
-        raise FrameError("oversized")
-    try:
-        version, heard_tag, fixed, known, displacement, note = msgpack.unpackb(data)
-        if version != VERSION:
-            raise FrameError("version")
-        if heard_tag != tag:
-            raise FrameError("foreign")
-        frames.fixed[row] = np.frombuffer(fixed, FIXED, count=1)[0]
-        count = int(frames.known_count[row])
-        if len(fixed) != FIXED.itemsize or len(known) != count or len(displacement) != 8 * count:
+    def read(self, data: bytes, now: int, oldest: int, row: int) -> tuple[int, Any]:
+        """Check a frame heard at tick ``now`` and write it into ``row``; return its sender and its slot note, still unchecked.
+
+        Args:
+            oldest: ticks; a frame older than this, or from the future, is stale.
+
+        Raises:
+            FrameError: with the reason; the row is then not to be used.
+        """
+        if len(data) > MAX_FRAME_BYTES:
+            raise FrameError("oversized")
+        try:
+            version, tag, fixed, known, displacement, note = msgpack.unpackb(data)
+            if version != VERSION:
+                raise FrameError("version")
+            if tag != self._tag:
+                raise FrameError("foreign")
+            tick, *motion, sender, slot, one_hop, count, age_from = _CHECKED.unpack(fixed)
+            steps = memoryview(displacement).cast("f")
+            known_ids = max(known, default=0) if type(known) is bytes else self._agents
+        except FrameError:
+            raise
+        except (ValueError, TypeError, struct.error, msgpack.exceptions.UnpackException) as error:
+            raise FrameError("malformed") from error
+        if len(known) != count or len(steps) != 2 * count or not one_hop <= count <= MAX_KNOWN:
             raise FrameError("malformed")
-        ids = np.frombuffer(known, np.uint8)
-        steps = np.frombuffer(displacement, np.float32)
-    except FrameError:
-        raise
-    except (ValueError, TypeError, msgpack.exceptions.UnpackException, msgpack.exceptions.ExtraData) as error:
-        raise FrameError("malformed") from error
-    if count > MAX_KNOWN or frames.one_hop[row] > count or frames.slot[row] >= agents or frames.age_from[row] >= agents:
-        raise FrameError("malformed")
-    if frames.sender[row] >= agents or (count and ids.max() >= agents):
-        raise FrameError("sender")
-    if not now - memory <= int(frames.tick[row]) < now:
-        raise FrameError("stale")
-    # A sum is finite if and only if every term is (no float32 sum of 64 in-range displacements overflows a double).
-    if not np.isfinite(steps.sum(dtype=np.float64) + frames.motion[row].sum(dtype=np.float64)):
-        raise FrameError("non-finite")
-    frames.known[row, :count] = ids
-    frames.displacement[row, :count] = steps.reshape(-1, 2)
-    return note
+        if slot >= self._agents or age_from >= self._agents:
+            raise FrameError("malformed")
+        if sender >= self._agents or known_ids >= self._agents:
+            raise FrameError("sender")
+        if not now - oldest <= tick < now:
+            raise FrameError("stale")
+        # A sum of float32 numbers in double precision is finite if and only if every one is.
+        if not math.isfinite(sum(steps) + sum(motion)):
+            raise FrameError("non-finite")
+        size = FIXED.itemsize
+        self._fixed[row * size : (row + 1) * size] = fixed
+        start = row * MAX_KNOWN
+        self._known[start : start + count] = known
+        self._displacement[8 * start : 8 * (start + count)] = displacement
+        return sender, note

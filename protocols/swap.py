@@ -10,7 +10,9 @@ The rules
     2. A party is in one deal at a time. `TURNS` lists what it may do when; anything else raises `IllegalSwap`
        and changes nothing.
     3. The proposer commits when it hears the acceptance of its pending proposal, and of no other. It acts at
-       once; its partner acts when the swap reaches it, from anybody.
+       once; its partner acts when the swap reaches it, from anybody. The swap counts more than any that either
+       party knows. So the swaps of any one agent are ordered as it went through them, and as long as no promise
+       times out and no slot is vacated, none that was acted on is ever undone.
     4. If two propose to each other, the lower id gives up its own proposal and accepts the other's.
     5. A proposal is given up after `answer_ticks`; a promise after `lock_ticks`, which is longer, so that a
        commit of the last moment still finds the promise. Either ends early when the party sees one of the two
@@ -34,7 +36,7 @@ from typing import NamedTuple
 
 from protocols.slots import SlotBook, Swap
 from protocols.swap_gossip import NO_NEWS, SlotGossip
-from protocols.swap_notes import MAX_REFUSALS, QUIET, Answer, Proposal, SlotNote, decode, encode
+from protocols.swap_notes import MAX_REFUSALS, QUIET, Acceptance, Proposal, Refusal, SlotNote, decode, encode
 from protocols.swap_rules import SwapCounts, SwapRules
 
 __all__ = ["IllegalSwap", "SlotNote", "SlotParty", "Stance", "SwapCounts", "SwapRules", "decode", "encode"]
@@ -120,7 +122,7 @@ class SlotParty:
         self._given_up = -1  # nonce of my latest proposal that came to nothing
         self._cool_until = 0  # tick
         self._retry_at = 0  # tick
-        self._refusals: tuple[Answer, ...] = ()
+        self._refusals: tuple[Refusal, ...] = ()
         self._acting: tuple[Swap, ...] = ()  # open swaps that moved me
         self._mirror()
 
@@ -131,17 +133,18 @@ class SlotParty:
         twin.counts, twin._gossip = copy(self.counts), copy(self._gossip)
         return twin
 
-    def mind(self) -> Hashable:
-        """All that decides what I do next, so that two parties of equal mind behave alike."""
+    def mind(self, tick: int = 0) -> Hashable:
+        """All that decides what I do next, times counted from `tick`: parties of equal mind behave alike."""
+        deal = self._deal
         return (
             self.stance,
-            self._deal,
+            deal and deal._replace(until=deal.until - tick),
             self._next_nonce,
             self._given_up,
-            self._cool_until,
-            self._retry_at,
+            max(self._cool_until - tick, 0),
+            max(self._retry_at - tick, 0),
             self._refusals,
-            self._gossip.mind(),
+            self._gossip.mind(tick),
         )
 
     @property
@@ -153,6 +156,11 @@ class SlotParty:
     def book(self) -> SlotBook:
         """What I know of the swaps; to read only."""
         return self._gossip.book
+
+    @property
+    def deal(self) -> Deal | None:
+        """What I am engaged in."""
+        return self._deal
 
     @property
     def quiet(self) -> bool:
@@ -177,7 +185,7 @@ class SlotParty:
     def vacate(self, dead: int, tick: int) -> None:
         """Take a dead agent's slot and leave it mine, at once. IllegalSwap if engaged or amnesiac."""
         self._check_other(dead, "vacate")
-        self._commit(Swap(0, self.me, self._name(), self.slot, self.me, self.slot_of[dead], dead), tick)
+        self._commit(self._name(), dead, self.book.clock, tick)
         self.counts.vacated += 1
 
     def hear(self, note: SlotNote, sender: int, tick: int, willing: bool = True) -> None:
@@ -218,7 +226,7 @@ class SlotParty:
         if deal is not None and self.stance is Stance.PROPOSING:
             proposal = Proposal(deal.partner, deal.nonce, deal.slot, deal.partner_slot)
         elif deal is not None:
-            acceptance = Answer(deal.proposer, deal.nonce)
+            acceptance = Acceptance(deal.proposer, deal.nonce, self.book.clock)
         refusals, self._refusals = self._refusals, ()
         settled, amnesiac = self._quiet_note.settled, self._gossip.amnesiac
         return SlotNote(self.digest, settled, amnesiac, proposal, acceptance, refusals, *news)
@@ -237,10 +245,12 @@ class SlotParty:
         self._next_nonce += 1
         return self._next_nonce
 
-    def _commit(self, op: Swap, tick: int) -> None:
-        """Act on a swap of mine; its counter is what I know now, one more than all others."""
+    def _commit(self, nonce: int, other: int, clock: int, tick: int) -> None:
+        """Act on a swap of mine, which comes after all that count up to `clock`."""
+        slots = self.slot_of
+        op = Swap(clock + 1, self.me, nonce, slots[self.me], self.me, slots[other], other)
         self._deal = None
-        self._gossip.commit(op._replace(counter=self._gossip.book.clock + 1), self.counts)
+        self._gossip.commit(op, self.counts)
         self._cool_until = tick + self._rules.cooldown_ticks
         self._look_again(tick, adopted=False)
 
@@ -255,11 +265,11 @@ class SlotParty:
         self._deal = None
 
     def _refuse(self, proposer: int, nonce: int) -> None:
-        answer = Answer(proposer, nonce)
+        answer = Refusal(proposer, nonce)
         if answer not in self._refusals and len(self._refusals) < MAX_REFUSALS:
             self._refusals = (*self._refusals, answer)
 
-    def _hear_refusal(self, answer: Answer, sender: int, tick: int) -> None:
+    def _hear_refusal(self, answer: Refusal, sender: int, tick: int) -> None:
         deal = self._deal
         if deal is None or answer != (deal.proposer, deal.nonce):
             return
@@ -269,11 +279,11 @@ class SlotParty:
         elif self.stance is Stance.PROMISED and sender == deal.proposer:
             self._part(tick)
 
-    def _hear_acceptance(self, answer: Answer, sender: int, tick: int) -> None:
+    def _hear_acceptance(self, answer: Acceptance, sender: int, tick: int) -> None:
         deal = self._deal
-        if deal is not None and answer == (deal.proposer, deal.nonce) and sender == deal.partner:
+        if deal is not None and answer[:2] == (deal.proposer, deal.nonce) and sender == deal.partner:
             self._turn("commit")
-            self._commit(Swap(0, self.me, deal.nonce, deal.slot, self.me, deal.partner_slot, sender), tick)
+            self._commit(deal.nonce, sender, max(self.book.clock, answer.clock), tick)
             self.counts.committed += 1
         elif answer.nonce == self._given_up:
             self._refuse(self.me, answer.nonce)  # release whoever is promised to what I gave up

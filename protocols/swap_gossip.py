@@ -81,13 +81,22 @@ class SlotGossip:
         twin.book = self.book.copy()
         return twin
 
-    def mind(self) -> Hashable:
-        """All that decides what I do next."""
-        skip = ("_me", "_rules", "_boot", "book")
+    def mind(self, tick: int) -> Hashable:
+        """All that decides what I do next, times counted from `tick`."""
         return (
+            self.amnesiac,
             self.book.base,
             self.book.open,
-            *(getattr(self, name) for name in self.__slots__ if name not in skip),
+            self._acks,
+            self._turn,
+            self._primed,
+            self._fresh,
+            self._repair_left,
+            self._chat_left,
+            max(self._ack_due - tick, 0),
+            self._op_cursor,
+            self._ack_cursor,
+            self._lending,
         )
 
     @property

@@ -39,11 +39,19 @@ class Proposal(NamedTuple):
     partner_slot: int
 
 
-class Answer(NamedTuple):
-    """Names the proposal that is answered."""
+class Refusal(NamedTuple):
+    """Names a proposal that will not be committed."""
 
     proposer: int
     nonce: int
+
+
+class Acceptance(NamedTuple):
+    """The sender is promised to that proposal. `clock`: the largest counter it knows, which the swap exceeds."""
+
+    proposer: int
+    nonce: int
+    clock: int
 
 
 class Ack(NamedTuple):
@@ -60,17 +68,16 @@ class SlotNote(NamedTuple):
     """What one frame says about slots.
 
     `settled`: all swaps of `digest` are in the sender's checkpoint. `amnesiac`: the sender restarted, knows
-    nothing and asks for a checkpoint. `acceptance`: the sender is promised to that proposal. `refusals`:
-    proposals that will not be committed, said by the one asked, or by the proposer itself to release the one
-    promised. `mark`: the name of the sender's checkpoint. `acks`: who is known to have known what.
+    nothing and asks for a checkpoint. `refusals` are said by the one asked, or by the proposer itself to release
+    the one promised. `mark`: the name of the sender's checkpoint. `acks`: who is known to have known what.
     """
 
     digest: int
     settled: bool
     amnesiac: bool = False
     proposal: Proposal | None = None
-    acceptance: Answer | None = None
-    refusals: tuple[Answer, ...] = ()
+    acceptance: Acceptance | None = None
+    refusals: tuple[Refusal, ...] = ()
     mark: Mark | None = None
     ops: tuple[Swap, ...] = ()
     acks: tuple[Ack, ...] = ()
@@ -111,8 +118,11 @@ def decode(obj: object, n_agents: int) -> SlotNote:
             raise ValueError(f"a proposal to change a slot with itself: {read}")
         return read
 
-    def read_answer(item: object) -> Answer:
-        return Answer(*_ints(item, (n_agents, _NONCE_END)))
+    def read_refusal(item: object) -> Refusal:
+        return Refusal(*_ints(item, (n_agents, _NONCE_END)))
+
+    def read_acceptance(item: object) -> Acceptance:
+        return Acceptance(*_ints(item, (n_agents, _NONCE_END, _COUNTER_END)))
 
     def read_mark(item: object) -> Mark:
         return Mark(*_ints(item, (_COUNTER_END, _DIGEST_END)))
@@ -138,8 +148,8 @@ def decode(obj: object, n_agents: int) -> SlotNote:
         settled,
         bool(_int(amnesiac, 2)),
         _maybe(proposal, read_proposal),
-        _maybe(acceptance, read_answer),
-        _several(refusals, MAX_REFUSALS, read_answer),
+        _maybe(acceptance, read_acceptance),
+        _several(refusals, MAX_REFUSALS, read_refusal),
         _maybe(mark, read_mark),
         _several(ops, MAX_OPS, read_swap),
         _several(acks, MAX_ACKS, read_ack),

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from protocols.formation import NO_PARENT
 from protocols.kernels import kernel
+from protocols.relative import UNKNOWN
 
 OFF, TREE, CONTACT = 0, 1, 2
 RULES = {"off": OFF, "tree": TREE, "contact": CONTACT}
@@ -71,7 +72,7 @@ def affected_connected(
         is_child = parent[slot] in (slot_a, slot_b)
         is_parent = slot in (parent[slot_a], parent[slot_b])
         if is_pair or is_child or is_parent:
-            if hops[occupant[slot]] > agents:
+            if hops[occupant[slot]] == UNKNOWN:
                 return False
             members[count] = occupant[slot]
             count += 1
@@ -157,7 +158,7 @@ def vacancy_to_fill(
     my_distance = tx * tx + ty * ty
     for slot in range(parent.shape[0]):
         sibling = occupant[slot]
-        if parent[slot] != above or sibling == me or tick - last_seen[sibling] > silent or hops[sibling] > parent.shape[0]:
+        if parent[slot] != above or sibling == me or tick - last_seen[sibling] > silent or hops[sibling] == UNKNOWN:
             continue
         distance = (tx - rel[sibling, 0]) ** 2 + (ty - rel[sibling, 1]) ** 2
         if distance < my_distance or (distance == my_distance and sibling < me):

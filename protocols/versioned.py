@@ -63,9 +63,9 @@ class VersionedParty:
         twin.counts = copy(self.counts)
         return twin
 
-    def mind(self) -> Hashable:
-        """All that decides what I do next."""
-        return (self.stance, self._version, self._initiator, self.slot_of, self._ready_at, self._repeat_left)
+    def mind(self, tick: int = 0) -> Hashable:
+        """All that decides what I do next, times counted from `tick`."""
+        return (self.stance, self._key(), max(self._ready_at - tick, 0), self._repeat_left)
 
     @property
     def slot(self) -> int:

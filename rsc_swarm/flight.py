@@ -22,6 +22,7 @@ from world.telemetry import Snapshot, snapshot
 from world.watch import Watch
 
 _SHOW_EVERY_S = 1 / 8
+_SHOW_TICKS = 200  # and at least this often
 _LOOK_EVERY = 5  # ticks between two looks at the wall clock
 
 
@@ -74,7 +75,7 @@ def fly(
             if recorder:
                 recorder.record(core)
             simulation.tick()
-            sizes += np.bincount(core.frame_bytes[0], minlength=len(sizes))
+            sizes += np.bincount(np.minimum(core._sizes[0, (simulation.clock - 1) % core.ring], MAX_FRAME_BYTES), minlength=len(sizes))
             _watch(simulation, watch, views)
             if core.active[0] and watch.breach:
                 core.end(0, "broken-invariant")
@@ -85,7 +86,8 @@ def fly(
             now = time.perf_counter() - begin
             if realtime and now < simulation.clock * TICK_S:
                 time.sleep(simulation.clock * TICK_S - now)
-            if on_snapshot and (now - shown >= _SHOW_EVERY_S or not core.active[0]):
+            due = now - shown >= _SHOW_EVERY_S or simulation.clock % _SHOW_TICKS == 0
+            if on_snapshot and (due or not core.active[0]):
                 shown = now
                 on_snapshot(snapshot(core, statuses(simulation), simulation.clock * TICK_S / now))
     finally:

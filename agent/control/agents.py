@@ -85,9 +85,7 @@ def agent_terms(
     u_y: float,
     gains: Gains,
 ) -> tuple[float, float]:
-    """Sum of ``pair_term`` over the first ``k`` rows of ``rel`` [m] and ``vel`` [m/s], both (K, 2), other
-    minus me.
-    """
+    """Sum of ``pair_term`` over the first ``k`` rows of ``rel`` [m], ``vel`` [m/s] (K, 2), other minus me."""
     a_x = 0.0
     a_y = 0.0
     for j in range(k):

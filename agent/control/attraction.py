@@ -38,9 +38,7 @@ def attraction(
     vt_y: float,
     gains: Gains,
 ) -> tuple[float, float]:
-    """Acceleration [m/s²] towards the targets: errors ``ec``, ``eg`` [m], own velocity and the target's
-    [m/s].
-    """
+    """Acceleration [m/s²] towards the targets at ``ec``, ``eg`` [m] from me, both moving at ``vt`` [m/s]."""
     chain_x, chain_y = saturated(ec_x, ec_y, gains.chain_reach)
     slot_x, slot_y = saturated(eg_x, eg_y, gains.slot_reach)
     damping = gains.chain_damping + gains.slot_damping

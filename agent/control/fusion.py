@@ -1,7 +1,9 @@
 """Hybrid control: blend trajectory tracking with the reactive controller by how near the next thing is.
 
-The paper's equations:  w_agent = max(1 - r_agent/r_th, 0),  w_obs = max(1 - r_obs/r_th, 0),  w =
-max(w_agent, w_obs), a_hyb = (1 - w) a_req + w a_APF.
+The paper's equations:
+
+    w_agent = max(1 - r_agent/r_th, 0)      w_obs = max(1 - r_obs/r_th, 0)      w = max(w_agent, w_obs)
+    a_hyb = (1 - w) a_req + w a_APF
 """
 
 from protocols.kernels import kernel

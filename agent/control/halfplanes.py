@@ -1,9 +1,9 @@
 """The point of a disc that keeps half-planes: a small 2-D program, solved the way ORCA does.
 
-A row ``(n_x, n_y, bound)`` asks for ``n·a >= bound`` with ``n`` a unit vector; the disc is ``|a| <=
-radius``. Rows are added one after another; only a row that the best point so far breaks moves it, and then
-to that row's edge. Where the rows contradict each other, the worst violation is made as small as possible,
-which is the same program one dimension up.
+A row ``(n_x, n_y, bound)`` asks for ``n·a >= bound`` with a unit vector ``n``; the disc is ``|a| <= radius``.
+Rows are added one after another; only a row that the best point so far breaks moves it, and then to that
+row's edge. Where the rows contradict each other, the worst violation is made as small as possible, which is
+the same program one dimension up.
 
 After van den Berg, Guy, Lin, Manocha, "Reciprocal n-body collision avoidance" (linear programs 1, 2 and 3).
 """
@@ -28,7 +28,7 @@ def _on_line(
     goal_y: float,
     farthest: bool,
 ) -> tuple[bool, float, float]:
-    """Best point on the edge of row ``i`` within the ball and the rows before it (ORCA's first program).
+    """Best point on the edge of row ``i`` within the disc and the rows before it (ORCA's first program).
 
     Best is nearest to ``goal``, or farthest along it. False where there is no such point.
     """
@@ -68,8 +68,9 @@ def nearest_point(
     goal_y: float,
     farthest: bool,
 ) -> tuple[int, float, float]:
-    """Best point within the ball and all rows (ORCA's second program): first row that failed (or
-    ``count``), point.
+    """Best point within the disc and all rows (ORCA's second program).
+
+    Returns ``(count, x, y)``, or the first row that cannot be kept and the best point for those before it.
     """
     x = goal_x
     y = goal_y
@@ -97,17 +98,16 @@ def least_violation(
     x: float,
     y: float,
 ) -> tuple[float, float]:
-    """Point that keeps the first ``hard`` rows and whose worst violation of the rest is least (ORCA's third
-    program).
+    """Point that keeps the first ``hard`` rows and violates the rest least (ORCA's third program).
 
-    ``x, y`` keeps the rows before ``begin``. The points where row j is violated no more than row i are
-    again a half-plane.
+    ``x, y`` is a point that keeps the rows before ``begin``.
     """
     worst = 0.0
     inner = np.empty((count, 3))
     for i in range(begin, count):
         if rows[i, 2] - rows[i, 0] * x - rows[i, 1] * y <= worst + _SLACK:
             continue
+        # Make row i the worst and push it: where row j is violated no more than row i is again a half-plane.
         size = hard
         for j in range(hard):
             for c in range(3):

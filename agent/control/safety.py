@@ -1,5 +1,4 @@
-"""The safety filter: the acceleration nearest to the desired one that keeps braking distance to everything
-near.
+"""The safety filter: the acceleration nearest to the desired one that keeps room to brake before everything.
 
 Last in the chain, every step, from local sensing only. For each neighbour and obstacle, with ``n`` the unit
 vector from it to me, ``d`` the distance, ``v_n`` its rate of change and ``r`` the distance of the centres:
@@ -71,66 +70,6 @@ def _agent_row(
 
 
 @kernel
-def _is_safe(
-    ax: float,
-    ay: float,
-    vx: float,
-    vy: float,
-    k: int,
-    rel: NDArray[np.float64],
-    vel: NDArray[np.float64],
-    m: int,
-    o_rel: NDArray[np.float64],
-    o_radius: NDArray[np.float64],
-    limits: SafetyLimits,
-) -> bool:
-    for i in range(m):
-        n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
-        if n_x * ax + n_y * ay < bound:
-            return False
-    for j in range(k):
-        n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
-        if n_x * ax + n_y * ay < bound:
-            return False
-    return True
-
-
-@kernel
-def _solve(
-    ax: float,
-    ay: float,
-    vx: float,
-    vy: float,
-    k: int,
-    rel: NDArray[np.float64],
-    vel: NDArray[np.float64],
-    m: int,
-    o_rel: NDArray[np.float64],
-    o_radius: NDArray[np.float64],
-    limits: SafetyLimits,
-) -> tuple[float, float]:
-    rows = np.empty((m + k, 3))
-    for i in range(m):
-        n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
-        rows[i, 0] = n_x
-        rows[i, 1] = n_y
-        rows[i, 2] = bound
-    for j in range(k):
-        n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
-        rows[m + j, 0] = n_x
-        rows[m + j, 1] = n_y
-        rows[m + j, 2] = bound
-    radius = limits.max_acceleration
-    count = m + k
-    failed, x, y = nearest_point(count, rows, radius, ax, ay, False)
-    if failed == count:
-        return x, y
-    # Contradicting obstacles cannot all be kept: then no row is hard.
-    hard = m if failed >= m else 0
-    return least_violation(failed, count, hard, rows, radius, x, y)
-
-
-@kernel
 def safety_filter(
     ax: float,
     ay: float,
@@ -144,17 +83,30 @@ def safety_filter(
     o_radius: NDArray[np.float64],
     limits: SafetyLimits,
 ) -> tuple[float, float]:
-    """The safe acceleration [m/s²] nearest to the desired ``(ax, ay)``, never longer than
-    ``max_acceleration``.
+    """The safe acceleration [m/s²] nearest to the desired ``(ax, ay)``; its length is within the limit.
 
     ``v``: own velocity [m/s]; ``rel`` [m], ``vel`` [m/s] (K, 2): neighbours minus me, first ``k`` rows;
     ``o_rel`` (M, 2): obstacle centres minus me [m], ``o_radius`` (M,) [m], first ``m`` rows.
     """
+    # The rows are filled in here, from scalar helpers: handing the arrays on to another kernel would count
+    # references to each of them, which costs more than the whole filter.
+    count = m + k
+    rows = np.empty((count, 3))
+    for i in range(m):
+        n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
+        rows[i, 0] = n_x
+        rows[i, 1] = n_y
+        rows[i, 2] = bound
+    for j in range(k):
+        n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
+        rows[m + j, 0] = n_x
+        rows[m + j, 1] = n_y
+        rows[m + j, 2] = bound
+
     radius = limits.max_acceleration
-    length = math.sqrt(ax * ax + ay * ay)
-    shrink = radius / length if length > radius else 1.0
-    # Nearly every step ends here. The rest is a kernel of its own because a kernel that allocates also counts
-    # references to its arguments, which costs more than this whole check.
-    if _is_safe(ax * shrink, ay * shrink, vx, vy, k, rel, vel, m, o_rel, o_radius, limits):
-        return ax * shrink, ay * shrink
-    return _solve(ax, ay, vx, vy, k, rel, vel, m, o_rel, o_radius, limits)
+    failed, x, y = nearest_point(count, rows, radius, ax, ay, False)
+    if failed == count:
+        return x, y
+    # Contradicting obstacles cannot all be kept: then no row is hard.
+    hard = m if failed >= m else 0
+    return least_violation(failed, count, hard, rows, radius, x, y)

@@ -27,8 +27,7 @@ def smooth_acceleration(
     kp: float = 25.0,
     kd: float = 10.0,
 ) -> tuple[float, float]:
-    """Feed-forward plus PD [m/s²]: ``e`` = p_ref - p [m], ``w`` = v_ref - v [m/s], ``forward`` = a_ref
-    [m/s²].
+    """Feed-forward plus PD [m/s²]: ``e`` = p_ref - p [m], ``w`` = v_ref - v [m/s], ``forward`` = a_ref.
 
     ``kp`` [1/s²], ``kd`` [1/s]: the defaults are critically damped with a time constant of 0.2 s.
     """

@@ -26,7 +26,7 @@ class Seen(NamedTuple):
     """What a policy may look at: one row per hosted drone (a process on a drone hosts one, a simulation many).
 
     tick: 10 ms each. me: (A,) agent numbers. awake: (A,) rows to act for; the others' answers are ignored.
-    position, velocity, target_velocity: (A, 2) in the common local frame, m and m/s.
+    motion: (A, 8) own p, own v, virtual target p, virtual target v; common local frame, m and m/s.
     chain_error, slot_error: (A, 2) target minus position [m] (agent.observation.aim).
     observation: (A, 18) the paper's X_i. memory: neighbours, obstacles and what neighbours' frames said.
     """
@@ -34,13 +34,21 @@ class Seen(NamedTuple):
     tick: int
     me: NDArray[np.int64]
     awake: NDArray[np.bool_]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    target_velocity: NDArray[np.float64]
+    motion: NDArray[np.float64]
     chain_error: NDArray[np.float64]
     slot_error: NDArray[np.float64]
     observation: NDArray[np.float64]
     memory: Memory
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """(A, 2) own velocity [m/s]."""
+        return self.motion[:, 2:4]
+
+    @property
+    def target_velocity(self) -> NDArray[np.float64]:
+        """(A, 2) velocity of the virtual target [m/s]."""
+        return self.motion[:, 6:8]
 
 
 class Policy(Protocol):

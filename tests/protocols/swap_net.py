@@ -17,7 +17,13 @@ from protocols.slots import Checkpoint, Swap
 from protocols.swap import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, decode, encode
 
 QUICK = SwapRules(
-    cooldown_ticks=3, answer_ticks=4, lock_ticks=8, retry_ticks=1, repair_per_frame=2, repair_frames=2, ack_ticks=5
+    cooldown_ticks=3,
+    answer_ticks=4,
+    lock_ticks=8,
+    retry_ticks=1,
+    repair_per_frame=2,
+    repair_frames=2,
+    ack_ticks=5,
 )
 """Short times, so that short schedules reach every rule."""
 
@@ -162,7 +168,7 @@ class Oracle:
     def look(self, heard: SlotNote | None = None) -> None:
         """Check everybody, after a step in which one party heard this note."""
         for agent, party in enumerate(self._swarm.parties):
-            deal = party._deal
+            deal = party.deal
             if deal is not None and party.stance is Stance.PROMISED:
                 self._agreed.add((deal.proposer, deal.nonce, agent))
             signature = (party.book.base, party.digest, party.counts.undone, party.counts.adopted)

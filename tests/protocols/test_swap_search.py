@@ -1,0 +1,235 @@
+"""Every interleaving, to a stated depth, of a few agents that swap.
+
+The alphabet; one event is one step:
+
+    propose a b     any two, in either direction, up to `proposals` in all
+    frame a to S    a broadcasts; of the others exactly those in S hear it, S not empty. (A frame that nobody
+                    hears is no event: what it said is said again by the next)
+    delay a to b    b will hear this very frame of a's, but later; up to `late` frames are under way
+    arrive          a delayed frame is heard; one that never arrives was lost
+    double          a delayed frame is heard, and will be heard again
+    time-out a      a has waited too long for what it is engaged in
+    crash a         a falls silent for good, up to `crashes`; then anyone in a larger slot may take its slot
+    restart a       a starts anew with amnesia, up to `restarts`, while another remembers
+
+Time-outs strike at any moment and nobody cools down, so whatever clocks could do is among the schedules. Equal
+states are visited once. In every state visited:
+
+    the view is a permutation, and equal digests mean equal views;
+    without time-outs, crashes and restarts, no swap that a party acted on is ever undone;
+    if from here on all deals time out and every frame is heard, then within ROUNDS rounds of one broadcast each
+    all living are idle and agree: no schedule leads to a permanent lock or a permanent difference.
+
+RSC_SWARM_DEEP=1 searches deeper. To run one search: `python tests/protocols/test_swap_search.py 'Alphabet(3, 10, 2)'`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Hashable, Iterator
+from copy import copy
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
+
+DEEP = os.environ.get("RSC_SWARM_DEEP") == "1"
+RULES = SwapRules(
+    cooldown_ticks=0, answer_ticks=1, lock_ticks=1, retry_ticks=0, repair_frames=1, acks_per_frame=0
+)
+ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Alphabet:
+    """Which events there are, and how many; `depth` is the number of events in the longest schedule."""
+
+    agents: int
+    depth: int
+    proposals: int
+    late: int = 0
+    time_outs: bool = False
+    crashes: int = 0
+    restarts: int = 0
+    any_listeners: bool = True
+    """False: a frame is heard by one or by all, not by any subset."""
+
+    @property
+    def calm(self) -> bool:
+        return not (self.time_outs or self.crashes or self.restarts)
+
+
+class Seat(NamedTuple):
+    """One agent's party. Its clock moves only at its own time-outs. A party in a seat is never changed."""
+
+    party: SlotParty
+    tick: int
+    mind: Hashable
+    alive: bool = True
+
+    def after(self, act: str, *arguments: object) -> Seat:
+        party = copy(self.party)
+        getattr(party, act)(*arguments, self.tick)
+        return self._replace(party=party, mind=party.mind(self.tick))
+
+
+class State(NamedTuple):
+    seats: tuple[Seat, ...]
+    late: tuple[tuple[int, int, SlotNote], ...] = ()
+    proposals: int = 0
+    crashes: int = 0
+    restarts: int = 0
+
+    def key(self) -> int:
+        """What is the same for equal states. (64 bits: a search of ten million states has one chance in 300,000
+        to miss one.)"""
+        return hash((tuple((seat.mind, seat.alive) for seat in self.seats), *self[1:]))
+
+    def seat(self, agent: int, seat: Seat) -> State:
+        return self._replace(seats=(*self.seats[:agent], seat, *self.seats[agent + 1 :]))
+
+    @property
+    def living(self) -> list[int]:
+        return [agent for agent, seat in enumerate(self.seats) if seat.alive]
+
+
+def successors(state: State, alphabet: Alphabet) -> Iterator[State]:
+    for agent in state.living:
+        seat = state.seats[agent]
+        yield from _deals(state, alphabet, agent, seat)
+        yield from _frames(state, alphabet, agent, seat)
+        if alphabet.time_outs and seat.party.deal is not None:
+            yield state.seat(agent, _timed_out(seat))
+        if state.crashes < alphabet.crashes:
+            yield state.seat(agent, seat._replace(alive=False))._replace(crashes=state.crashes + 1)
+    if state.restarts < alphabet.restarts:
+        for agent in range(alphabet.agents):
+            if any(state.seats[o].party.stance is not Stance.AMNESIAC for o in state.living if o != agent):
+                number = state.restarts + 1
+                party = SlotParty(agent, range(alphabet.agents), RULES, nonce=number, amnesiac=True)
+                yield state.seat(agent, Seat(party, 0, party.mind()))._replace(restarts=number)
+    for i, (speaker, listener, note) in enumerate(state.late):
+        if state.seats[listener].alive:
+            heard = _heard(state, speaker, (listener,), note)
+            yield heard
+            yield heard._replace(late=state.late[:i] + state.late[i + 1 :])
+
+
+def _deals(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator[State]:
+    if state.proposals < alphabet.proposals and seat.party.ready(seat.tick):
+        for partner in range(alphabet.agents):
+            if partner != agent:
+                proposing = seat.after("propose", partner)
+                yield state.seat(agent, proposing)._replace(proposals=state.proposals + 1)
+    if seat.party.stance is Stance.IDLE:
+        for dead, other in enumerate(state.seats):
+            if not other.alive and seat.party.slot_of[dead] < seat.party.slot:
+                yield state.seat(agent, seat.after("vacate", dead))
+
+
+def _frames(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator[State]:
+    others = [other for other in state.living if other != agent]
+    note, spoken = _spoken(state, agent)
+    sizes = range(1, len(others) + 1) if alphabet.any_listeners else {1, len(others)} - {0}
+    for size in sizes:
+        for listeners in combinations(others, size):
+            yield _heard(spoken, agent, listeners, note)
+    if len(state.late) < alphabet.late and not note.quiet:
+        for other in others:
+            yield spoken._replace(late=(*state.late, (agent, other, note)))
+
+
+def _spoken(state: State, agent: int) -> tuple[SlotNote, State]:
+    seat = state.seats[agent]
+    party = copy(seat.party)
+    note = party.note(seat.tick)
+    if note.quiet and seat.party.quiet:
+        return note, state
+    return note, state.seat(agent, seat._replace(party=party, mind=party.mind(seat.tick)))
+
+
+def _heard(state: State, speaker: int, listeners: tuple[int, ...], note: SlotNote) -> State:
+    for listener in listeners:
+        seat = state.seats[listener]
+        if not (note.quiet and seat.party.quiet and note.digest == seat.party.digest):
+            state = state.seat(listener, seat.after("hear", note, speaker))
+    return state
+
+
+def _timed_out(seat: Seat) -> Seat:
+    seat = seat._replace(tick=seat.tick + 1).after("advance")
+    assert seat.party.deal is None, "a deal outlived its time-out"
+    return seat
+
+
+class Healing:
+    """How many rounds a state needs, if from there on nothing fails, until all living are idle and agree."""
+
+    def __init__(self) -> None:
+        self._rounds: dict[int, int] = {}
+
+    def rounds(self, state: State) -> int:
+        state = state._replace(late=(), proposals=0, crashes=0, restarts=0)
+        for agent in state.living:
+            if state.seats[agent].party.deal is not None:
+                state = state.seat(agent, _timed_out(state.seats[agent]))
+        return self._count(state, ROUNDS)
+
+    def _count(self, state: State, left: int) -> int:
+        parties = [state.seats[agent].party for agent in state.living]
+        agreed = len({(party.digest, party.slot_of) for party in parties}) == 1
+        if agreed and all(party.stance is Stance.IDLE for party in parties):
+            return 0
+        key = state.key()
+        if key not in self._rounds:
+            assert left > 0, "no agreement"
+            for agent in state.living:
+                note, state = _spoken(state, agent)
+                state = _heard(state, agent, tuple(other for other in state.living if other != agent), note)
+            self._rounds[key] = 1 + self._count(state, left - 1)
+        return self._rounds[key]
+
+
+class Found(NamedTuple):
+    states: int
+    """Distinct states visited."""
+    undone: int
+    """States in which a party has seen a swap undone that it acted on."""
+    rounds: int
+    """The most rounds any state needed to heal."""
+
+
+def search(alphabet: Alphabet) -> Found:
+    n = alphabet.agents
+    parties = [SlotParty(agent, range(n), RULES) for agent in range(n)]
+    start = State(tuple(Seat(party, 0, party.mind()) for party in parties))
+    seen, views, healing = {start.key()}, {}, Healing()
+    frontier, undone, rounds = [start], 0, 0
+    for _ in range(alphabet.depth):
+        following = []
+        for state in frontier:
+            for after in successors(state, alphabet):
+                regret = any(seat.party.counts.undone for seat in after.seats)
+                assert not (regret and alphabet.calm), "undone though nothing failed"
+                key = after.key()
+                if key in seen:
+                    continue
+                seen.add(key)
+                following.append(after)
+                rounds = max(rounds, healing.rounds(after))
+                undone += regret
+                for seat in after.seats:
+                    slots = views.setdefault(seat.party.digest, seat.party.slot_of)
+                    assert slots == seat.party.slot_of, "equal digests, unequal views"
+        frontier = following
+    assert all(sorted(view) == list(range(n)) for view in views.values()), "not a permutation"
+    return Found(len(seen), undone, rounds)
+
+
+if __name__ == "__main__":
+    import sys
+    import time
+
+    began = time.perf_counter()
+    print(sys.argv[1], search(eval(sys.argv[1])), f"{time.perf_counter() - began:.1f} s")
