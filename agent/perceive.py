@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory
-from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, OBSERVATION_UNIT, Frames
+from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, OBSERVATION_SIZE, OBSERVATION_UNIT, Frames
 from protocols.kernels import kernel
 from protocols.mission import TICK_S
 from protocols.relative import chain_displacements
@@ -18,26 +18,30 @@ _SAME_DISC_M = 0.25  # two sightings closer than this are one obstacle
 @kernel
 def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
     """Keep what frame ``index`` says if it is newer than the sender's last; merge whom its sender has heard lately."""
-    sender, tick = frames.sender[index], np.int64(frames.tick[index])
-    agents = memory.heard_tick.shape[1]
-    memory.last_seen[row, sender] = max(memory.last_seen[row, sender], tick)
+    sender, tick = np.int64(frames.sender[index]), np.int64(frames.tick[index])
+    last_seen, agents = memory.last_seen[row], memory.last_seen.shape[1]
+    last_seen[sender] = max(last_seen[sender], tick)
+    other = np.int64(frames.age_from[index])
     for offset in range(min(AGE_WINDOW, agents)):
-        age = frames.ages[index, offset]
+        age = np.int64(frames.ages[index, offset])
         if age != AGE_NEVER:
-            other = (frames.age_from[index] + offset) % agents
-            memory.last_seen[row, other] = max(memory.last_seen[row, other], tick - np.int64(age) * AGE_UNIT_TICKS)
+            last_seen[other] = max(last_seen[other], tick - age * AGE_UNIT_TICKS)
+        other = other + 1 if other + 1 < agents else 0
     if tick <= memory.heard_tick[row, sender]:
         return
     memory.heard_tick[row, sender] = tick
-    memory.heard_motion[row, sender] = frames.motion[index]
-    memory.heard_observation[row, sender] = frames.observation[index]
+    for place in range(4):
+        memory.heard_motion[row, sender, place] = frames.motion[index, place]
+    for place in range(OBSERVATION_SIZE):
+        memory.heard_observation[row, sender, place] = frames.observation[index, place]
+    count = np.int64(frames.known_count[index])
     memory.heard_one_hop[row, sender] = frames.one_hop[index]
-    count = frames.known_count[index]
     memory.heard_count[row, sender] = count
+    known, displacement = memory.heard_known[row, sender], memory.heard_displacement[row, sender]
     for entry in range(count):
-        memory.heard_known[row, sender, entry] = frames.known[index, entry]
-        memory.heard_displacement[row, sender, entry, 0] = frames.displacement[index, entry, 0]
-        memory.heard_displacement[row, sender, entry, 1] = frames.displacement[index, entry, 1]
+        known[entry] = frames.known[index, entry]
+        displacement[entry, 0] = frames.displacement[index, entry, 0]
+        displacement[entry, 1] = frames.displacement[index, entry, 1]
 
 
 @kernel

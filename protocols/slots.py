@@ -84,8 +84,6 @@ class SlotBook:
     `open`, the swaps not yet in the checkpoint `base`, in order; `skipped`, those of them the fold skips.
     """
 
-    __slots__ = ("_sums", "base", "digest", "occupant", "open", "skipped", "slot_of")
-
     _sums: tuple[int, ...]  # _sums[i] is the digest of the checkpoint and the first i open swaps
     base: Checkpoint
     digest: int
@@ -112,8 +110,7 @@ class SlotBook:
 
     def copy(self) -> SlotBook:
         twin = SlotBook.__new__(SlotBook)
-        for name in SlotBook.__slots__:
-            setattr(twin, name, getattr(self, name))
+        twin.__dict__.update(self.__dict__)
         return twin
 
     def add(self, op: Swap) -> bool:

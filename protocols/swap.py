@@ -10,9 +10,9 @@ The rules
     2. A party is in one deal at a time. `TURNS` lists what it may do when; anything else raises `IllegalSwap`
        and changes nothing.
     3. The proposer commits when it hears the acceptance of its pending proposal, and of no other. It acts at
-       once; its partner acts when the swap reaches it, from anybody. The swap counts more than any that either
-       party knows. So the swaps of any one agent are ordered as it went through them, and as long as no promise
-       times out and no slot is vacated, none that was acted on is ever undone.
+       once; its partner acts when the swap reaches it, from anybody. The swap counts more than any other that
+       either knows, so the swaps of each agent are ordered as it went through them: unless a promise times out
+       or a slot is vacated, none that was acted on is ever undone.
     4. If two propose to each other, the lower id gives up its own proposal and accepts the other's.
     5. A proposal is given up after `answer_ticks`; a promise after `lock_ticks`, which is longer, so that a
        commit of the last moment still finds the promise. Either ends early when the party sees one of the two
@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from copy import copy
+from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -89,24 +90,6 @@ class SlotParty:
     To read: `slot_of` (agent -> slot), `digest` (64 bits, equal for equal knowledge), `stance`, `counts`.
     """
 
-    __slots__ = (
-        "_acting",
-        "_cool_until",
-        "_deal",
-        "_given_up",
-        "_gossip",
-        "_next_nonce",
-        "_quiet_note",
-        "_refusals",
-        "_retry_at",
-        "_rules",
-        "counts",
-        "digest",
-        "me",
-        "slot_of",
-        "stance",
-    )
-
     def __init__(
         self, me: int, initial: Sequence[int], rules: SwapRules, nonce: int = 0, amnesiac: bool = False
     ) -> None:
@@ -128,9 +111,8 @@ class SlotParty:
 
     def __copy__(self) -> SlotParty:
         twin = SlotParty.__new__(SlotParty)
-        for name in SlotParty.__slots__:
-            setattr(twin, name, getattr(self, name))
-        twin.counts, twin._gossip = copy(self.counts), copy(self._gossip)
+        twin.__dict__.update(self.__dict__)
+        twin.counts, twin._gossip = replace(self.counts), copy(self._gossip)
         return twin
 
     def mind(self, tick: int = 0) -> Hashable:

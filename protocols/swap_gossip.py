@@ -39,24 +39,6 @@ NO_NEWS = News()
 class SlotGossip:
     """One agent's knowledge of the swaps, and what it has yet to tell."""
 
-    __slots__ = (
-        "_ack_cursor",
-        "_ack_due",
-        "_acks",
-        "_boot",
-        "_chat_left",
-        "_fresh",
-        "_lending",
-        "_me",
-        "_op_cursor",
-        "_primed",
-        "_repair_left",
-        "_rules",
-        "_turn",
-        "amnesiac",
-        "book",
-    )
-
     def __init__(self, me: int, initial: Sequence[int], rules: SwapRules, boot: int, amnesiac: bool) -> None:
         self.book = SlotBook(initial)
         self.amnesiac = amnesiac
@@ -76,8 +58,7 @@ class SlotGossip:
 
     def __copy__(self) -> SlotGossip:
         twin = SlotGossip.__new__(SlotGossip)
-        for name in SlotGossip.__slots__:
-            setattr(twin, name, getattr(self, name))
+        twin.__dict__.update(self.__dict__)
         twin.book = self.book.copy()
         return twin
 

@@ -47,7 +47,7 @@ class Refusal(NamedTuple):
 
 
 class Acceptance(NamedTuple):
-    """The sender is promised to that proposal. `clock`: the largest counter it knows, which the swap exceeds."""
+    """The sender is promised to that proposal. The swap will count more than `clock`, all it knows."""
 
     proposer: int
     nonce: int
@@ -68,8 +68,8 @@ class SlotNote(NamedTuple):
     """What one frame says about slots.
 
     `settled`: all swaps of `digest` are in the sender's checkpoint. `amnesiac`: the sender restarted, knows
-    nothing and asks for a checkpoint. `refusals` are said by the one asked, or by the proposer itself to release
-    the one promised. `mark`: the name of the sender's checkpoint. `acks`: who is known to have known what.
+    nothing and asks for a checkpoint. `refusals` are said by the one asked, or by the proposer itself to
+    release the one promised. `mark` names the sender's checkpoint. `acks`: who is known to have known what.
     """
 
     digest: int

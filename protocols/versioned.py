@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Hashable, Sequence
-from copy import copy
+from dataclasses import replace
 from hashlib import blake2b
 
 from protocols.slots import Checkpoint, is_permutation
@@ -25,20 +25,6 @@ class VersionedParty:
 
     `counts.undone` counts adoptions that put this agent back to where it was before its own latest swap.
     """
-
-    __slots__ = (
-        "_former_slot",
-        "_initiator",
-        "_ready_at",
-        "_repeat_left",
-        "_rules",
-        "_version",
-        "counts",
-        "digest",
-        "me",
-        "slot_of",
-        "stance",
-    )
 
     def __init__(
         self, me: int, initial: Sequence[int], rules: SwapRules, nonce: int = 0, amnesiac: bool = False
@@ -58,9 +44,8 @@ class VersionedParty:
 
     def __copy__(self) -> VersionedParty:
         twin = VersionedParty.__new__(VersionedParty)
-        for name in VersionedParty.__slots__:
-            setattr(twin, name, getattr(self, name))
-        twin.counts = copy(self.counts)
+        twin.__dict__.update(self.__dict__)
+        twin.counts = replace(self.counts)
         return twin
 
     def mind(self, tick: int = 0) -> Hashable:

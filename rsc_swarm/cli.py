@@ -3,14 +3,19 @@
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, NoReturn
 
 import typer
 
 from rsc_swarm.options import Clock, MissionOptions, command_line, resolve, with_options
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from protocols.mission import Mission
+    from rsc_swarm.rundir import RunDir
+    from rsc_swarm.view import View
+    from world.server import Flown
 
 SUCCEEDED, FAILED, BAD_USAGE, BROKEN, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -59,8 +64,9 @@ def simulate(
     _announce_compiling()
     from rsc_swarm import flight
 
-    def fly(view: Any, folder: Any) -> Any:
-        return flight.fly(mission, clock == Clock.realtime, view.update, folder.trajectory if folder else None)
+    def fly(view: "View", folder: "RunDir | None") -> Told:
+        trajectory = folder.trajectory if folder else None
+        return Told(flight.fly(mission, clock == Clock.realtime, view.update, trajectory))
 
     _fly_once("simulate", fly, mission, options, clock, json, run_dir)
 
@@ -78,15 +84,24 @@ def launch(
     _announce_compiling()
     from rsc_swarm import launch as launcher
 
-    def fly(view: Any, folder: Any) -> Any:
-        return launcher.launch(mission, clock.value, folder.path if folder else None, view.update, view.say)
+    def fly(view: "View", folder: "RunDir | None") -> Told:
+        launched = launcher.launch(mission, clock.value, folder.path if folder else None, view.update, weigh=True)
+        return Told(launched.flown, launched.first_tick_s, launched.pss_mb)
 
     _fly_once("launch", fly, mission, options, clock, json, run_dir)
 
 
+class Told(NamedTuple):
+    """What a flight tells: its figures, and those only a launcher knows."""
+
+    flown: "Flown"
+    first_tick_s: float | None = None
+    pss_mb: float | None = None
+
+
 def _fly_once(
-    mode: Any,
-    fly: Any,
+    mode: Literal["launch", "simulate"],
+    fly: "Callable[[View, RunDir | None], Told]",
     mission: "Mission",
     options: MissionOptions,
     clock: Clock,
@@ -105,13 +120,14 @@ def _fly_once(
     shape = f"{mission.agents} agents, {mission.name}, policy {mission.policy}, map {mission.map_seed}, seed {mission.seed}"
     try:
         with View(f"rsc-swarm {mode}: {shape}") as view:
-            flown = fly(view, folder)
+            told = fly(view, folder)
     except KeyboardInterrupt:
         reached = f" at {line(view.last)}" if view.last else " before the first tick"
         typer.echo(f"stopped{reached}", err=True)
         raise typer.Exit(INTERRUPTED) from None
     extra = {} if clock == Clock.lockstep else {"clock": clock.value}
-    report = report_of(flown, mission, mode, clock.value, command_line(mode, options, **extra))
+    again = command_line(mode, options, **extra)
+    report = report_of(told.flown, mission, mode, clock.value, again, told.first_tick_s, told.pss_mb)
     if folder:
         folder.finish(report, plain(render(report)))
     if json:
@@ -202,10 +218,15 @@ def world(
     _announce_compiling()
     from rsc_swarm import launch as launcher
 
-    def fly(view: Any, folder: Any) -> Any:
-        return launcher.serve_world(
-            mission, clock.value, listen, credentials_dir, folder.path if folder else None, view.update, view.say
-        )
+    from world.recorder import Recorder
+
+    def fly(view: "View", folder: "RunDir | None") -> Told:
+        recorder = Recorder(mission)
+        view.say(f"waiting for {mission.agents} agents at {', '.join(listen)}; their credentials are in {credentials_dir}")
+        flown = launcher.serve_world(mission, clock.value, listen, credentials_dir, view.update, recorder.record)
+        if folder:
+            recorder.save(folder.trajectory)
+        return Told(flown)
 
     _fly_once("launch", fly, mission, options, clock, json, run_dir)
 
@@ -222,7 +243,12 @@ def agent(
     _announce_compiling()
     from rsc_swarm import launch as launcher
 
-    launcher.fly_agent(agent, connect, credentials)
+    def say(seconds: float) -> None:
+        typer.echo(f"agent {agent} ready after {seconds:.2f} s", err=True)
+
+    reason = launcher.fly_agent(agent, connect, credentials, say)
+    typer.echo(f"agent {agent}: {reason}", err=True)
+    raise typer.Exit(BROKEN if "silent" in reason else SUCCEEDED)
 
 
 @app.command()
@@ -297,7 +323,7 @@ def _explained(error: Exception) -> tuple[int, str]:
         return BAD_USAGE, text
     if kind in _RUNS:
         return BROKEN, text
-    return BROKEN, f"unexpected {kind}: {text} (set RSC_SWARM_TRACEBACK=1 to see where)"
+    return BROKEN, f"unexpected {kind}: {text[:160]} (set RSC_SWARM_TRACEBACK=1 to see where)"
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ _ROWS = 600  # drones flown in step by one worker: enough to spread the cost of 
 
 
 @dataclass(frozen=True)
-class Flown:
+class Flight:
     """One flight of a batch: its seeds, how it ended, and the swaps of all its drones per SWAP_COUNTS."""
 
     map_seed: int
@@ -34,7 +34,7 @@ class CrewError(RuntimeError):
     """A worker died or could not fly; one line says which and why."""
 
 
-def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flown]:
+def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight]:
     """Fly ``mission`` once per pair of seeds, all in step; yields flights as they end.
 
     Raises:
@@ -48,10 +48,10 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flown]:
             assert outcome is not None
             counts = [party.counts for party in simulation.agents.parties.party[world * agents : (world + 1) * agents]]
             swaps = {name: sum(getattr(count, name) for count in counts) for name in SWAP_COUNTS}
-            yield Flown(*seeds[world], outcome, swaps)
+            yield Flight(*seeds[world], outcome, swaps)
 
 
-def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flown]:
+def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flight]:
     """Fly ``mission`` once per pair of seeds on ``workers`` processes; yields flights as they end, in no order.
 
     Raises:
@@ -72,7 +72,7 @@ def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flow
                 assert isinstance(pipe, Connection)
                 worker = busy[pipe]
                 said = worker.hear()
-                if isinstance(said, Flown):
+                if isinstance(said, Flight):
                     yield said
                 elif batches:
                     pipe.send(batches.pop(0))
@@ -120,8 +120,8 @@ def _work(pipe: Connection, mission: Mission) -> None:
                     return
             batch: list[Seeds] = pipe.recv()
             try:
-                for flown in fly_batch(mission, batch):
-                    pipe.send(flown)
+                for flight in fly_batch(mission, batch):
+                    pipe.send(flight)
             except Exception as error:
                 seeds = f"maps {min(batch)[0]} to {max(batch)[0]}"
                 pipe.send(f"{seeds}: {type(error).__name__}: {' '.join(str(error).split())}")

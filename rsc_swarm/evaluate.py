@@ -14,8 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.mission import Mission, MissionError
 from protocols.status import SWAP_COUNTS
-from rsc_swarm.crew import Flown, Seeds, fly_all
-from rsc_swarm.journal import Journal, fingerprint
+from rsc_swarm.crew import Flight, Seeds, fly_all
+from rsc_swarm.journal import Journal
+from rsc_swarm.report import describe_failure
 
 STARTS_PER_MAP = 1000
 _Z = 1.959964  # 95 %
@@ -47,8 +48,8 @@ class Evaluation(BaseModel):
     edge_error_mean: float | None = Field(description="mean over flights of the worst tree edge error at success, relative")
     slot_error_mean_m: float | None = Field(description="mean over flights of the worst slot error at success")
     slot_error_max_m: float | None
-    min_distance_m: float = Field(description="smallest distance to anything in any run")
-    min_distance_mean_m: float = Field(description="mean over all runs of the smallest distance")
+    min_distance_m: float | None = Field(description="smallest distance to anything in any run")
+    min_distance_mean_m: float | None = Field(description="mean over all runs of the smallest distance")
     held_rate: float | None = Field(description="share of all runs whose formation held for hold_s; null if hold_s is 0")
     overlap_mean_s: float = Field(description="mean time during which drones claimed the same slot, summed over drones")
     swaps_per_flight: dict[str, float] = Field(description="mean over runs of the swarm's swap counts")
@@ -80,8 +81,8 @@ def evaluate(
     seeds: list[Seeds],
     workers: int,
     journal: Path | None = None,
-    on_flight: Callable[[Flown, bool], None] = lambda flown, known: None,
-) -> list[Flown]:
+    on_flight: Callable[[Flight, bool], None] = lambda flight, known: None,
+) -> list[Flight]:
     """Fly ``mission`` once per pair of seeds, in the order of ``seeds``.
 
     Args:
@@ -93,23 +94,23 @@ def evaluate(
     """
     if journal is None:
         flights = {}
-        for flown in fly_all(mission, seeds, workers):
-            flights[flown.map_seed, flown.seed] = flown
-            on_flight(flown, False)
+        for flight in fly_all(mission, seeds, workers):
+            flights[flight.map_seed, flight.seed] = flight
+            on_flight(flight, False)
         return [flights[pair] for pair in seeds]
     with Journal(journal) as book:
         known = [pair for pair in seeds if pair in book.flights]
         for pair in known:
             on_flight(book.flights[pair], True)
-        for flown in fly_all(mission, [pair for pair in seeds if pair not in book.flights], workers):
-            book.add(flown)
-            on_flight(flown, False)
+        for flight in fly_all(mission, [pair for pair in seeds if pair not in book.flights], workers):
+            book.add(flight)
+            on_flight(flight, False)
         return [book.flights[pair] for pair in seeds]
 
 
-def journal_path(results: Path, mission: Mission) -> Path:
-    """Where flights of ``mission`` are kept while ``results`` is being made."""
-    return results.with_name(f"{results.stem}.{fingerprint(mission)}.journal.jsonl")
+def journal_path(results: Path, code: str) -> Path:
+    """Where flights flown under this `fingerprint` are kept while ``results`` is being made."""
+    return results.with_name(f"{results.stem}.{code}.journal.jsonl")
 
 
 def wilson(successes: int, runs: int) -> tuple[float, float]:
@@ -120,12 +121,13 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def summarise(mission: Mission, flights: list[Flown], starts: int) -> Evaluation:
-    """What ``flights`` (at least one) add up to."""
+def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -> Evaluation:
+    """What ``flights`` (at least one) add up to; ``code`` is the `fingerprint` they were flown under."""
     runs = len(flights)
-    outcomes = [flown.outcome for flown in flights]
+    outcomes = [flight.outcome for flight in flights]
     good = [outcome for outcome in outcomes if outcome.success]
     collisions = sum(outcome.failure == "collision" for outcome in outcomes)
+    nearest = [outcome.min_distance_m for outcome in outcomes if math.isfinite(outcome.min_distance_m)]
     taus = [outcome.tau_s for outcome in good if outcome.tau_s is not None]
     low, high = wilson(len(good), runs)
     held = sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
@@ -140,22 +142,20 @@ def summarise(mission: Mission, flights: list[Flown], starts: int) -> Evaluation
         edge_error_mean=fmean(outcome.max_edge_error for outcome in good) if good else None,
         slot_error_mean_m=fmean(outcome.max_slot_error_m for outcome in good) if good else None,
         slot_error_max_m=max((outcome.max_slot_error_m for outcome in good), default=None),
-        min_distance_m=min(outcome.min_distance_m for outcome in outcomes),
-        min_distance_mean_m=fmean(outcome.min_distance_m for outcome in outcomes),
+        min_distance_m=min(nearest, default=None),
+        min_distance_mean_m=fmean(nearest) if nearest else None,
         held_rate=held,
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
-        swaps_per_flight={name: fmean(flown.swaps[name] for flown in flights) for name in SWAP_COUNTS},
-        failures=[_failed(flown) for flown in flights if not flown.outcome.success],
-        maps=(min(flown.map_seed for flown in flights), max(flown.map_seed for flown in flights)),
+        swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
+        failures=[_failed(flight) for flight in flights if not flight.outcome.success],
+        maps=(min(flight.map_seed for flight in flights), max(flight.map_seed for flight in flights)),
         starts=starts,
-        code=fingerprint(mission),
+        code=code,
         mission=mission.model_dump(mode="json", exclude={"map_seed", "seed"}),
     )
 
 
-def _failed(flown: Flown) -> Failed:
-    from rsc_swarm.report import describe_failure
-
+def _failed(flight: Flight) -> Failed:
     return Failed(
-        map=flown.map_seed, seed=flown.seed, failure=str(flown.outcome.failure), detail=describe_failure(flown.outcome)
+        map=flight.map_seed, seed=flight.seed, failure=str(flight.outcome.failure), detail=describe_failure(flight.outcome)
     )

@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from protocols.mission import Mission, MissionError
-from rsc_swarm.crew import Flown
+from rsc_swarm.crew import Flight
 from rsc_swarm.evaluate import Evaluation, evaluate, journal_path, seeds_of, summarise
+from rsc_swarm.journal import fingerprint
 from rsc_swarm.options import MissionOptions, command_line
 from rsc_swarm.render import console
 from rsc_swarm.rundir import write_whole
@@ -35,26 +36,25 @@ def run(
     if workers is not None and workers < 1:
         raise MissionError(f"--workers: give at least 1, not {workers}")
     seeds = seeds_of(seed_base, maps, starts)
-    journal = _journal(mission, json)
+    code = fingerprint(mission)
+    journal = _journal(json, code)
     crew = workers or len(os.sched_getaffinity(0))
-    flights: list[Flown] = []
+    flights: list[Flight] = []
     begin = time.monotonic()
     try:
         with closing(_Progress(len(seeds))) as progress:
 
-            def on_flight(flown: Flown, known: bool) -> None:
-                flights.append(flown)
-                progress.count(flown, known)
+            def on_flight(flight: Flight, known: bool) -> None:
+                flights.append(flight)
+                progress.count(flight, known)
 
             flights = evaluate(mission, seeds, crew, journal, on_flight)
     except KeyboardInterrupt:
-        print(f"stopped after {len(flights)} of {len(seeds)} flights", file=sys.stderr)
-        if journal:
-            print("they are kept: the same command goes on from here", file=sys.stderr)
-        if flights:
-            console(sys.stderr).print(render(summarise(mission, flights, starts)))
+        failed = sum(not flight.outcome.success for flight in flights)
+        kept = "; they are kept, and the same command goes on from here" if journal else ""
+        print(f"stopped after {len(flights)} of {len(seeds)} flights, {failed} failed{kept}", file=sys.stderr)
         return 130
-    result = summarise(mission, flights, starts)
+    result = summarise(mission, flights, starts, code)
     if json == "-":
         print(result.model_dump_json(indent=2))
     elif json:
@@ -65,13 +65,13 @@ def run(
     return 0
 
 
-def _journal(mission: Mission, json: str | None) -> Path | None:
+def _journal(json: str | None, code: str) -> Path | None:
     if not json or json == "-":
         return None
     path = Path(json)
     if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
         raise MissionError(f"--json {json}: cannot be written; give a file in a directory that exists")
-    return journal_path(path, mission)
+    return journal_path(path, code)
 
 
 class _Progress:
@@ -91,11 +91,11 @@ class _Progress:
             self._task = self._bar.add_task("none failed", total=total)
             self._bar.refresh()
 
-    def count(self, flown: Flown, known: bool) -> None:
+    def count(self, flight: Flight, known: bool) -> None:
         """One more flight, ``known`` from an earlier evaluation."""
         self._done += 1
         self._known += known
-        self._failed += not flown.outcome.success
+        self._failed += not flight.outcome.success
         now = time.monotonic()
         if self._bar:
             said = f"{self._failed} failed" if self._failed else "none failed"

@@ -5,9 +5,7 @@ The outcome is the same whatever is watched or recorded, and as ``rsc-swarm laun
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,28 +13,15 @@ from protocols.frames import MAX_FRAME_BYTES, REASONS
 from protocols.mission import TICK_S, Mission
 from protocols.status import AgentStatus
 from rsc_swarm.simulate import Simulation
-from world.core import Outcome
 from world.medium import TALLY
 from world.recorder import Recorder
+from world.server import Flown
 from world.telemetry import Snapshot, snapshot
 from world.watch import Watch
 
 _SHOW_EVERY_S = 1 / 8
 _SHOW_TICKS = 200  # and at least this often
 _LOOK_EVERY = 5  # ticks between two looks at the wall clock
-
-
-@dataclass(frozen=True)
-class Flight:
-    """What one flight left behind. tally: frames per world.medium.TALLY; statuses: by agent number."""
-
-    outcome: Outcome
-    statuses: dict[int, AgentStatus]
-    tally: dict[str, int]
-    wall_s: float
-    real_time_factor: float
-    median_frame_bytes: int
-    watch: dict[str, Any]
 
 
 def statuses(simulation: Simulation, world: int = 0) -> dict[int, AgentStatus]:
@@ -52,7 +37,7 @@ def fly(
     realtime: bool = False,
     on_snapshot: Callable[[Snapshot], None] | None = None,
     trajectory: Path | None = None,
-) -> Flight:
+) -> Flown:
     """Fly ``mission`` to its end.
 
     Args:
@@ -65,10 +50,10 @@ def fly(
     """
     simulation = Simulation([mission])
     core, parties = simulation.world, simulation.agents.parties
-    recorder = Recorder(core) if trajectory else None
+    recorder = Recorder(mission) if trajectory else None
     watch, views = Watch(mission.agents), np.full_like(parties.slot_of, -1)
     sizes = np.zeros(MAX_FRAME_BYTES + 1, np.int64)
-    begin = time.perf_counter()
+    first_tick_at, begin = time.time(), time.perf_counter()
     shown = -np.inf
     try:
         while core.active[0]:
@@ -97,14 +82,16 @@ def fly(
     outcome = core.outcomes[0]
     assert outcome is not None
     wall = time.perf_counter() - begin
-    return Flight(
+    return Flown(
         outcome=outcome,
+        tally=dict(zip(TALLY, (int(number) for number in core.tally[0]), strict=True)),
         statuses=statuses(simulation),
-        tally=dict(zip(TALLY, core.tally[0].tolist(), strict=True)),
+        watched=watch.result(simulation.clock),
         wall_s=wall,
         real_time_factor=simulation.clock * TICK_S / wall,
+        deadline_misses=0,
         median_frame_bytes=_median(sizes),
-        watch=asdict(watch.result(simulation.clock)),
+        first_tick_at=first_tick_at,
     )
 
 
@@ -121,9 +108,9 @@ def _watch(simulation: Simulation, watch: Watch, views: np.ndarray) -> None:
     watch.tick(simulation.clock, [int(agent) for agent in np.flatnonzero(core.flying[0] & core.responsive[0])])
 
 
-def _median(counts: np.ndarray) -> int:
+def _median(counts: np.ndarray) -> float:
     """The median of sizes given as counts per size; size 0 means that nothing was sent."""
     counts = counts.copy()
     counts[0] = 0
     total = int(counts.sum())
-    return int(np.searchsorted(np.cumsum(counts), (total + 1) // 2)) if total else 0
+    return float(np.searchsorted(np.cumsum(counts), (total + 1) // 2)) if total else 0.0

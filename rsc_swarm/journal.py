@@ -6,7 +6,7 @@ mission, or edited code, therefore has a journal of its own, and none is ever ov
 
 import fcntl
 import hashlib
-import importlib.util
+import inspect
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -17,8 +17,9 @@ from typing import Self
 import numba
 import numpy as np
 
+from agent.policy import find_policy
 from protocols.mission import Mission
-from rsc_swarm.crew import Flown, Seeds
+from rsc_swarm.crew import Flight, Seeds
 from world.core import Outcome
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -30,25 +31,28 @@ class JournalError(RuntimeError):
 
 
 def fingerprint(mission: Mission) -> str:
-    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, flown by the same code."""
+    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, flown by the same code.
+
+    Raises:
+        agent.policy.PolicyError: the mission's policy cannot be found or made.
+    """
     fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
     digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
     digest.update(f"{numba.__version__} {np.__version__}".encode())
-    for path in _deciding_files(mission.policy):
+    for path in _deciding_files(mission):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _deciding_files(policy: str) -> Iterator[Path]:
+def _deciding_files(mission: Mission) -> Iterator[Path]:
     for place in _DECIDING:
         path = _ROOT / place
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.is_file() and "__pycache__" not in file.parts:
                 yield file
-    module, colon, _ = policy.partition(":")
-    spec = importlib.util.find_spec(module) if colon else None
-    if spec and spec.origin:
-        yield Path(spec.origin)
+    policy = inspect.getsourcefile(type(find_policy(mission.policy, mission)))
+    if policy and not Path(policy).is_relative_to(_ROOT):
+        yield Path(policy)
 
 
 class Journal:
@@ -69,18 +73,18 @@ class Journal:
             raise JournalError(f"{path}: another evaluation is writing here; give another --json file") from None
         self._file.seek(0)
         text = self._file.read()
-        self.flights: dict[Seeds, Flown] = {}
+        self.flights: dict[Seeds, Flight] = {}
         for line in text.splitlines():
-            flown = _parse(line)
-            if flown:
-                self.flights[flown.map_seed, flown.seed] = flown
+            flight = _parse(line)
+            if flight:
+                self.flights[flight.map_seed, flight.seed] = flight
         if text and not text.endswith("\n"):  # the last writer was cut off in mid-line
             self._file.write("\n")
 
-    def add(self, flown: Flown) -> None:
+    def add(self, flight: Flight) -> None:
         """Keep one more flight."""
-        self.flights[flown.map_seed, flown.seed] = flown
-        self._file.write(json.dumps(asdict(flown)) + "\n")
+        self.flights[flight.map_seed, flight.seed] = flight
+        self._file.write(json.dumps(asdict(flight)) + "\n")
         self._file.flush()
 
     def __enter__(self) -> Self:
@@ -92,12 +96,11 @@ class Journal:
         self._file.close()
 
 
-def _parse(line: str) -> Flown | None:
+def _parse(line: str) -> Flight | None:
     """A flight, or None for a line that was cut off."""
     try:
         fields = json.loads(line)
-        outcome = Outcome(**{**fields.pop("outcome")})
-        lost = tuple(outcome.lost_agents)
-        return Flown(outcome=Outcome(**{**asdict(outcome), "lost_agents": lost}), **fields)
+        outcome = fields.pop("outcome")
+        return Flight(outcome=Outcome(**{**outcome, "lost_agents": tuple(outcome["lost_agents"])}), **fields)
     except (ValueError, TypeError, KeyError):
         return None

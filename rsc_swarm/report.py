@@ -4,16 +4,16 @@ Every field says what it means; docs/report.md is made from here (``rsc-swarm sc
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any, Literal, Protocol
+from dataclasses import asdict
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.frames import REASONS
-from protocols.mission import Mission
-from protocols.status import SWAP_COUNTS, AgentStatus
+from protocols.mission import TICK_S, Mission
+from protocols.status import SWAP_COUNTS
 from world.core import Outcome
-from world.medium import TALLY
+from world.server import Flown
 
 Failure = Literal["collision", "late", "broken-invariant", "all-lost", "interrupted"]
 
@@ -61,6 +61,18 @@ class SwapTotals(_Part):
     adopted: int = Field(description="foreign checkpoints of the swap history taken over")
 
 
+class WatchCounts(_Part):
+    """What must hold among the drones' views of who is in which slot (world.watch), and how long they differed."""
+
+    breach: str | None = Field(description="the first broken invariant; null if all held")
+    views_differ_s: float = Field(description="time during which not all living drones had the same view")
+    agreed_after_s: float | None = Field(
+        description="from the last fault (or the start) to the moment since which all had one view; null if they had not"
+    )
+    most_swaps_in_a_second: int = Field(description="swaps of the whole swarm in its busiest second")
+    undone: int = Field(description="swaps that a merge turned off again")
+
+
 class FlightReport(_Part):
     """One flight, told completely. Metres, seconds; errors are relative to the edge length."""
 
@@ -91,85 +103,65 @@ class FlightReport(_Part):
     swaps: SwapTotals
     first_tick_s: float | None = Field(description="launch: seconds from the command to the first tick")
     pss_mb_per_agent: float | None = Field(description="launch: memory of one drone's process (PSS), mean, MB")
-    watch: dict[str, Any] = Field(description="what must hold among the drones' views of the slots, and whether it held")
+    watch: WatchCounts
     again: str = Field(description="the command that flies this flight again")
     mission: dict[str, Any] = Field(description="the mission, every field")
 
 
-class Flown(Protocol):
-    """What a flight hands over, in one process or in many."""
-
-    @property
-    def outcome(self) -> Outcome: ...
-    @property
-    def statuses(self) -> Mapping[int, AgentStatus]: ...
-    @property
-    def tally(self) -> Mapping[str, int]: ...
-    @property
-    def wall_s(self) -> float: ...
-    @property
-    def real_time_factor(self) -> float: ...
-    @property
-    def median_frame_bytes(self) -> float: ...
-    @property
-    def watch(self) -> Mapping[str, Any]: ...
-
-
-def report_of(flown: Flown, mission: Mission, mode: Literal["launch", "simulate"], clock: str, again: str) -> FlightReport:
-    """The report of ``flown``; ``again`` is the command that flies it once more.
-
-    What only processes have (first tick, memory, late answers) is taken from ``flown`` if it is there.
-    """
-    outcome, tally = flown.outcome, flown.tally
-    assert set(tally) == set(TALLY)
-    fields = {
-        "success": outcome.success,
-        "failure": outcome.failure,
-        "detail": describe(outcome, mission, flown.watch),
-        "tau_s": outcome.tau_s,
-        "max_edge_error": outcome.max_edge_error,
-        "max_slot_error_m": outcome.max_slot_error_m,
-        "min_distance_m": outcome.min_distance_m if math.isfinite(outcome.min_distance_m) else None,
-        "closest": outcome.closest,
-        "held_after_success": outcome.held_after_success,
-        "overlap_s": outcome.overlap_s,
-        "ticks": outcome.ticks,
-        "time_s": round(outcome.ticks * 0.01, 2),
-        "agents": mission.agents,
-        "lost_agents": outcome.lost_agents,
-        "real_time_factor": flown.real_time_factor,
-        "wall_s": flown.wall_s,
-        "deadline_misses": getattr(flown, "deadline_misses", 0),
-        "digest": outcome.digest,
-        "policy": mission.policy,
-        "map_seed": mission.map_seed,
-        "seed": mission.seed,
-        "clock": clock,
-        "mode": mode,
-        "frames": _frames(tally, flown),
-        "swaps": {name: sum(status.swaps[i] for status in flown.statuses.values()) for i, name in enumerate(SWAP_COUNTS)},
-        "first_tick_s": getattr(flown, "first_tick_s", None),
-        "pss_mb_per_agent": getattr(flown, "pss_mb_per_agent", None),
-        "watch": dict(flown.watch),
-        "again": again,
-        "mission": mission.model_dump(mode="json"),
-    }
-    return FlightReport.model_validate(fields)
+def report_of(
+    flown: Flown,
+    mission: Mission,
+    mode: Literal["launch", "simulate"],
+    clock: str,
+    again: str,
+    first_tick_s: float | None = None,
+    pss_mb_per_agent: float | None = None,
+) -> FlightReport:
+    """The report of ``flown``; ``again`` is the command that flies it once more."""
+    outcome = flown.outcome
+    nearest = outcome.min_distance_m
+    return FlightReport.model_validate(
+        {
+            **asdict(outcome),
+            "detail": describe(outcome, mission, flown.watched.breach),
+            "min_distance_m": nearest if math.isfinite(nearest) else None,
+            "time_s": round(outcome.ticks * TICK_S, 2),
+            "agents": mission.agents,
+            "real_time_factor": flown.real_time_factor,
+            "wall_s": flown.wall_s,
+            "deadline_misses": flown.deadline_misses,
+            "policy": mission.policy,
+            "map_seed": mission.map_seed,
+            "seed": mission.seed,
+            "clock": clock,
+            "mode": mode,
+            "frames": _frames(flown),
+            "swaps": {name: _total(flown, "swaps", index) for index, name in enumerate(SWAP_COUNTS)},
+            "first_tick_s": first_tick_s,
+            "pss_mb_per_agent": pss_mb_per_agent,
+            "watch": asdict(flown.watched),
+            "again": again,
+            "mission": mission.model_dump(mode="json"),
+        }
+    )
 
 
-def _frames(tally: Mapping[str, int], flown: Flown) -> dict[str, Any]:
-    rejected = {
-        reason: sum(status.rejected[index] for status in flown.statuses.values()) for index, reason in enumerate(REASONS)
-    }
-    dropped = {rule: tally[rule] for rule in Dropped.model_fields}
-    counts = {name: number for name, number in tally.items() if name not in dropped}
+def _total(flown: Flown, field: str, index: int) -> int:
+    """One count of the drones' accounts, summed over all drones."""
+    return sum(getattr(status, field)[index] for status in flown.statuses.values())
+
+
+def _frames(flown: Flown) -> dict[str, Any]:
+    dropped = {rule: flown.tally[rule] for rule in Dropped.model_fields}
+    counts = {name: number for name, number in flown.tally.items() if name not in dropped}
+    rejected = {reason: _total(flown, "rejected", index) for index, reason in enumerate(REASONS)}
     return {**counts, "median_bytes": flown.median_frame_bytes, "dropped": dropped, "rejected": rejected}
 
 
-def describe(outcome: Outcome, mission: Mission, watch: Mapping[str, Any]) -> str:
+def describe(outcome: Outcome, mission: Mission, breach: str | None = None) -> str:
     """How the flight ended, as a sentence."""
     if not outcome.success:
-        return describe_failure(outcome, watch.get("breach"))
+        return describe_failure(outcome, breach)
     lost = len(outcome.lost_agents)
     who = f"all {mission.agents} agents" if not lost else f"the {mission.agents - lost} agents left of {mission.agents}"
     if mission.agents == 1:
@@ -183,7 +175,7 @@ def describe(outcome: Outcome, mission: Mission, watch: Mapping[str, Any]) -> st
 
 def describe_failure(outcome: Outcome, breach: str | None = None) -> str:
     """Why the flight failed, as a sentence: who, where, when."""
-    when = f"{outcome.ticks * 0.01:.2f} s"
+    when = f"{outcome.ticks * TICK_S:.2f} s"
     if outcome.failure == "collision":
         return f"{outcome.min_distance_m:.2f} m between {outcome.closest}"
     if outcome.failure == "broken-invariant":

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.mission import TICK_S
+from protocols.mission import TICK_S, Mission
 from world.core import WorldCore
 
 _FIRST_ROWS = 2200  # a flight of the standard task; longer ones double it
@@ -18,20 +18,23 @@ _FIRST_ROWS = 2200  # a flight of the standard task; longer ones double it
 class Recorder:
     """Keeps positions (T, N, 2) [m], velocities (T, N, 2) [m/s], claimed slots (T, N) and who flies (T, N)."""
 
-    def __init__(self, core: WorldCore, world: int = 0) -> None:
-        """Record world ``world`` of ``core``; the caller calls `record` before the first tick and after every tick."""
-        agents = core.shape[1]
+    def __init__(self, mission: Mission, world: int = 0) -> None:
+        """Record world ``world`` of a core that flies ``mission``; call `record` before the first tick and after every tick."""
+        agents = mission.agents
         self._world = world
         self._rows = 0
         self._position = np.empty((_FIRST_ROWS, agents, 2))
         self._velocity = np.empty((_FIRST_ROWS, agents, 2))
         self._slot = np.empty((_FIRST_ROWS, agents), np.int16)
         self._flying = np.empty((_FIRST_ROWS, agents), np.bool_)
-        self._obstacles = core.obstacles[world, : core.obstacle_count[world]].copy()
-        self._goal_x = float(core.goal_x[world])
+        self._obstacles = np.empty((0, 3))
+        self._goal_x = mission.goal_x_m
 
     def record(self, core: WorldCore) -> None:
         """Keep the state as it is now."""
+        if self._rows == 0:
+            self._obstacles = core.obstacles[self._world, : core.obstacle_count[self._world]].copy()
+            self._goal_x = float(core.goal_x[self._world])
         if self._rows == len(self._position):
             self._position, self._velocity = _double(self._position), _double(self._velocity)
             self._slot, self._flying = _double(self._slot), _double(self._flying)

@@ -26,7 +26,7 @@ RSC_SWARM_DEEP=1 searches deeper. To run one search: `python tests/protocols/tes
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import combinations
@@ -52,8 +52,8 @@ class Alphabet:
     time_outs: bool = False
     crashes: int = 0
     restarts: int = 0
-    any_listeners: bool = True
-    """False: a frame is heard by one or by all, not by any subset."""
+    ring: bool = False
+    """True: a proposes only to a + 1, the last to the first, and a frame is heard by one or by all."""
 
     @property
     def calm(self) -> bool:
@@ -65,13 +65,13 @@ class Seat(NamedTuple):
 
     party: SlotParty
     tick: int
-    mind: Hashable
+    mind: int
     alive: bool = True
 
     def after(self, act: str, *arguments: object) -> Seat:
         party = copy(self.party)
         getattr(party, act)(*arguments, self.tick)
-        return self._replace(party=party, mind=party.mind(self.tick))
+        return self._replace(party=party, mind=hash(party.mind(self.tick)))
 
 
 class State(NamedTuple):
@@ -108,7 +108,7 @@ def successors(state: State, alphabet: Alphabet) -> Iterator[State]:
             if any(state.seats[o].party.stance is not Stance.AMNESIAC for o in state.living if o != agent):
                 number = state.restarts + 1
                 party = SlotParty(agent, range(alphabet.agents), RULES, nonce=number, amnesiac=True)
-                yield state.seat(agent, Seat(party, 0, party.mind()))._replace(restarts=number)
+                yield state.seat(agent, Seat(party, 0, hash(party.mind())))._replace(restarts=number)
     for i, (speaker, listener, note) in enumerate(state.late):
         if state.seats[listener].alive:
             heard = _heard(state, speaker, (listener,), note)
@@ -118,8 +118,9 @@ def successors(state: State, alphabet: Alphabet) -> Iterator[State]:
 
 def _deals(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator[State]:
     if state.proposals < alphabet.proposals and seat.party.ready(seat.tick):
+        ahead = (agent + 1) % alphabet.agents
         for partner in range(alphabet.agents):
-            if partner != agent:
+            if partner == ahead or (partner != agent and not alphabet.ring):
                 proposing = seat.after("propose", partner)
                 yield state.seat(agent, proposing)._replace(proposals=state.proposals + 1)
     if seat.party.stance is Stance.IDLE:
@@ -131,7 +132,7 @@ def _deals(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator
 def _frames(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator[State]:
     others = [other for other in state.living if other != agent]
     note, spoken = _spoken(state, agent)
-    sizes = range(1, len(others) + 1) if alphabet.any_listeners else {1, len(others)} - {0}
+    sizes = {1, len(others)} - {0} if alphabet.ring else range(1, len(others) + 1)
     for size in sizes:
         for listeners in combinations(others, size):
             yield _heard(spoken, agent, listeners, note)
@@ -146,7 +147,7 @@ def _spoken(state: State, agent: int) -> tuple[SlotNote, State]:
     note = party.note(seat.tick)
     if note.quiet and seat.party.quiet:
         return note, state
-    return note, state.seat(agent, seat._replace(party=party, mind=party.mind(seat.tick)))
+    return note, state.seat(agent, seat._replace(party=party, mind=hash(party.mind(seat.tick))))
 
 
 def _heard(state: State, speaker: int, listeners: tuple[int, ...], note: SlotNote) -> State:
@@ -203,7 +204,7 @@ class Found(NamedTuple):
 def search(alphabet: Alphabet) -> Found:
     n = alphabet.agents
     parties = [SlotParty(agent, range(n), RULES) for agent in range(n)]
-    start = State(tuple(Seat(party, 0, party.mind()) for party in parties))
+    start = State(tuple(Seat(party, 0, hash(party.mind())) for party in parties))
     seen, views, healing = {start.key()}, {}, Healing()
     frontier, undone, rounds = [start], 0, 0
     for _ in range(alphabet.depth):
