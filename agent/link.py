@@ -59,6 +59,8 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "timestamping/enabled": False,
+        "transport/unicast/qos/enabled": False,
+        "transport/unicast/lowlatency": True,
         "transport/shared_memory/enabled": False,
         "transport/auth/usrpwd/user": keys.user(login.agent),
         "transport/auth/usrpwd/password": login.password,

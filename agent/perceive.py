@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.desk import Rules, Work
 from agent.memory import Memory
 from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, OBSERVATION_SIZE, OBSERVATION_UNIT, Frames
 from protocols.kernels import kernel
@@ -109,31 +110,20 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
 
 @kernel
 def perceive_row(
-    tick: int,
-    row: int,
-    me: int,
-    sensed: Sensed,
-    frames: Frames,
-    inbox_start: NDArray[np.int64],
-    inbox: NDArray[np.int64],
-    by_sensor: bool,
-    remember_obstacles: bool,
-    keep: int,
-    range_m: float,
-    max_hops: int,
-    memory: Memory,
+    tick: int, row: int, rules: Rules, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> None:
-    """One tick of perception for one row, which hears frames ``inbox[inbox_start[row]:inbox_start[row + 1]]``."""
+    """One tick of perception for one row."""
+    me = work.me[row]
     memory.last_seen[row, me] = tick
-    for index in range(inbox_start[row], inbox_start[row + 1]):
-        hear_frame(memory, row, frames, inbox[index])
-    find_neighbours(memory, row, me, tick, sensed, by_sensor, keep, range_m)
-    recall_obstacles(memory, row, sensed, remember_obstacles)
+    for place in range(work.inbox_start[row], work.inbox_start[row + 1]):
+        hear_frame(memory, row, frames, work.inbox[place])
+    find_neighbours(memory, row, me, tick, sensed, rules.by_sensor, rules.memory_ticks, rules.range_m)
+    recall_obstacles(memory, row, sensed, rules.remember_obstacles)
     chain_displacements(
         me,
         tick,
-        keep,
-        max_hops,
+        rules.memory_ticks,
+        rules.max_hops,
         memory.near_count[row],
         memory.near_id[row],
         memory.near_rel[row],
@@ -149,19 +139,11 @@ def perceive_row(
 
 @kernel
 def compose_row(
-    tick: int,
-    row: int,
-    me: int,
-    slot: int,
-    max_hops: int,
-    turn: int,
-    sensed: Sensed,
-    observation: NDArray[np.float64],
-    memory: Memory,
-    frames: Frames,
-    out: int,
+    tick: int, row: int, out: int, slot: int, rules: Rules, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> None:
-    """Write one row's broadcast into ``frames`` row ``out``. ``turn`` counts a drone's frames, to rotate the ages."""
+    """Write one row's broadcast into ``frames`` row ``out``."""
+    me, observation, max_hops = work.me[row], work.observation, rules.max_hops
+    turn = tick // rules.frame_every  # counts a drone's frames, to rotate the ages
     agents = memory.heard_tick.shape[1]
     frames.tick[out] = tick
     frames.sender[out] = me

@@ -9,12 +9,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from agent.core import AgentCore
+from agent.memory import forget
 from protocols import messages
 from protocols.frames import REASONS, FrameError, FrameReader, empty_frames, encode_frame, swarm_tag
 from protocols.mission import Mission, parse_mission
-from protocols.sensed import empty_sensed, pack_sensed, unpack_sensed
+from protocols.sensed import SensedReader, empty_sensed, pack_sensed
 from protocols.status import AgentStatus
 from protocols.swap import SlotNote, decode, encode
+from protocols.swap_notes import quiet_digest
 
 _LISTEN_S = 0.2
 _OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
@@ -34,30 +36,28 @@ class Drone:
 
     def __init__(self, mission: Mission, agent: int, initial_slots: bytes, boot: int) -> None:
         initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
-        self.core = AgentCore(mission, [agent], initial, boot)
         self.rejected = dict.fromkeys(REASONS, 0)
         self._mission, self._agent = mission, agent
         self._tag = swarm_tag(mission.swarm)
         self._sensed = empty_sensed(1)
+        self._sensors = SensedReader(self._sensed)
         self._frames = empty_frames(messages.MAX_HEARD + 1)
+        self.core = AgentCore(mission, [agent], initial, self._sensed, self._frames, messages.MAX_HEARD, boot)
+        self.core.work.inbox[:] = np.arange(messages.MAX_HEARD)
         self._reader = FrameReader(self._tag, mission.agents, self._frames)
-        self._notes: list[object] = [None] * (messages.MAX_HEARD + 1)
-        self._awake = np.ones(1, np.bool_)
-        self._inbox_start = np.zeros(2, np.int64)
-        self._inbox = np.arange(messages.MAX_HEARD)
         self.tick = -1
 
     def answer(self, tick: int, packed: Any, heard: list[bytes]) -> bytes:
         """One tick: what is sensed and heard in, the REPLY out. Bad frames are counted and dropped."""
+        if self.tick < 0:
+            forget(self.core.memory, 0, tick)
         self.tick = tick
-        unpack_sensed(packed, self._sensed, 0)
-        self._inbox_start[1] = self._hear(tick, heard)
-        step = self.core.step(
-            tick, self._awake, self._sensed, self._frames, self._notes, self._inbox_start, self._inbox, messages.MAX_HEARD
-        )
-        frame = self._speak() if step.sent[0] else None
-        ax, ay = step.command[0]
-        return messages.pack(messages.REPLY, tick, float(ax), float(ay), int(step.slot[0]), frame, self._news(tick))
+        self._sensors.read(packed)
+        core = self.core
+        core.work.inbox_start[1] = self._hear(tick, heard)
+        ((ax, ay),) = core.step(tick, messages.MAX_HEARD).tolist()
+        frame = self._speak() if core.work.sent[0] else None
+        return messages.pack(messages.REPLY, tick, ax, ay, core.parties.party[0].slot, frame, self._news(tick))
 
     def _hear(self, tick: int, heard: list[bytes]) -> int:
         """Read the frames into rows 0, 1, ...; return how many are good."""
@@ -75,18 +75,23 @@ class Drone:
         return row
 
     def _keep_note(self, row: int, encoded: Any) -> None:
+        digest = quiet_digest(encoded)
+        if digest is not None:
+            self._frames.digest[row] = digest
+            self._frames.loud[row] = 0
+            return
         try:
             note = decode(encoded, self._mission.agents)
         except (ValueError, TypeError) as error:
             raise FrameError("malformed") from error
-        self._notes[row] = note
+        self.core.notes[row] = note
         self._frames.digest[row] = note.digest
         self._frames.loud[row] = not (note.quiet and note.settled)
 
     def _speak(self) -> bytes:
         out, frames = messages.MAX_HEARD, self._frames
         if frames.loud[out]:
-            note = self._notes[out]
+            note = self.core.notes[out]
             assert isinstance(note, SlotNote)
         else:
             note = SlotNote(int(frames.digest[out]), True)
@@ -105,7 +110,7 @@ class Drone:
 
     def farewell(self) -> bytes:
         """The last REPLY."""
-        return messages.pack(messages.REPLY, self.tick, 0.0, 0.0, int(self.core.parties.slot[0]), None, self.status())
+        return messages.pack(messages.REPLY, self.tick, 0.0, 0.0, self.core.parties.party[0].slot, None, self.status())
 
 
 def rehearse(mission: Mission) -> None:

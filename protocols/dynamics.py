@@ -9,6 +9,8 @@ import math
 
 from protocols.kernels import kernel
 
+ABSURD_MPS2 = 1e6  # a component of a command beyond this is an error, not a wish: nobody follows it
+
 
 @kernel
 def clip_ball(x: float, y: float, radius: float) -> tuple[float, float]:

@@ -146,7 +146,9 @@ class FrameReader:
                 raise FrameError("foreign")
             tick, *motion, sender, slot, one_hop, count, age_from = _CHECKED.unpack(fixed)
             steps = memoryview(displacement).cast("f")
-            known_ids = max(known, default=0) if type(known) is bytes else self._agents
+            if type(known) is not bytes:
+                raise TypeError("known drones are one byte each")
+            known_ids = max(known, default=0)
         except FrameError:
             raise
         except (ValueError, TypeError, struct.error, msgpack.exceptions.UnpackException) as error:

@@ -52,19 +52,28 @@ def pack_sensed(sensed: Sensed, row: int) -> Packed:
     )
 
 
-def unpack_sensed(packed: Packed, sensed: Sensed, row: int) -> None:
-    """Fill ``row`` from `pack_sensed`'s bytes.
+class SensedReader:
+    """Writes what `pack_sensed` made into row 0 of a drone's own arrays, by copying bytes."""
 
-    Raises:
-        ValueError: the byte strings are not whole rows, or too many.
-    """
-    motion, near, obstacles = packed
-    sensed.motion[row] = np.frombuffer(motion)
-    near_rows = np.frombuffer(near).reshape(-1, 5)
-    obstacle_rows = np.frombuffer(obstacles).reshape(-1, 3)
-    if len(near_rows) > MAX_NEAR or len(obstacle_rows) > MAX_OBSTACLES:
-        raise ValueError(f"{len(near_rows)} neighbours and {len(obstacle_rows)} obstacles are more than a drone senses")
-    sensed.near_count[row] = len(near_rows)
-    sensed.near[row, : len(near_rows)] = near_rows
-    sensed.obstacle_count[row] = len(obstacle_rows)
-    sensed.obstacles[row, : len(obstacle_rows)] = obstacle_rows
+    def __init__(self, sensed: Sensed) -> None:
+        self._sensed = sensed
+        self._motion, self._near, self._obstacles = (
+            memoryview(array[0].reshape(-1).view(np.uint8)) for array in (sensed.motion, sensed.near, sensed.obstacles)
+        )
+
+    def read(self, packed: Packed) -> None:
+        """Take in one tick.
+
+        Raises:
+            ValueError: the byte strings are not whole rows, or too many.
+        """
+        motion, near, obstacles = packed
+        near_count, near_rest = divmod(len(near), 40)
+        obstacle_count, obstacle_rest = divmod(len(obstacles), 24)
+        if near_rest or obstacle_rest or near_count > MAX_NEAR or obstacle_count > MAX_OBSTACLES:
+            raise ValueError(f"{len(near)} and {len(obstacles)} bytes are not what a drone senses")
+        self._motion[:] = motion
+        self._near[: len(near)] = near
+        self._obstacles[: len(obstacles)] = obstacles
+        self._sensed.near_count[0] = near_count
+        self._sensed.obstacle_count[0] = obstacle_count

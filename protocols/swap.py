@@ -11,7 +11,7 @@ The rules
        and changes nothing.
     3. The proposer commits when it hears the acceptance of its pending proposal, and of no other. It acts at
        once; its partner acts when the swap reaches it, from anybody. The swap counts more than any other that
-       either knows, so the swaps of each agent are ordered as it went through them: unless a promise times out
+       either knows, so each agent's swaps are ordered as it went through them, and unless a promise times out
        or a slot is vacated, none that was acted on is ever undone.
     4. If two propose to each other, the lower id gives up its own proposal and accepts the other's.
     5. A proposal is given up after `answer_ticks`; a promise after `lock_ticks`, which is longer, so that a

@@ -162,21 +162,15 @@ class SlotGossip:
 
     def _hear_acks(self, acks: tuple[Ack, ...]) -> None:
         known = list(self._acks)
-        news = late = False
         for ack in acks:
             held = known[ack.agent]
-            if ack.agent == self._me or ack == held:
-                continue
-            if held is None or (ack.boot, ack.turn) > (held.boot, held.turn):
+            newer = held is None or (ack.boot, ack.turn) > (held.boot, held.turn)
+            if newer and ack.agent != self._me:
                 known[ack.agent] = ack
-                news = True
-            else:
-                late = True  # the sender should hear of the newer one
-        if news:
+        if tuple(known) != self._acks:
             self._acks = tuple(known)
-            self._fold_what_all_had()
-        if news or late:
             self._chat()
+            self._fold_what_all_had()
 
     def _chat(self) -> None:
         """Send every acknowledgement I know twice more."""

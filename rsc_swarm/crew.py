@@ -1,6 +1,7 @@
 """A crew of worker processes that fly batches of missions, and hand over every flight the moment it ends.
 
-Workers are forked once the kernels are loaded, so they start at once. They ignore Ctrl-C: whoever hired them ends them.
+Workers are forked once the kernels are loaded, so they start at once. They ignore Ctrl-C: whoever hired them
+ends them.
 """
 
 import os
@@ -15,9 +16,12 @@ from protocols.mission import Mission
 from protocols.status import SWAP_COUNTS
 from rsc_swarm.simulate import Simulation
 from world.core import Outcome
+from world.field import FieldError, draw_obstacles, draw_start
 
 Seeds = tuple[int, int]  # map seed, start seed
-_ROWS = 600  # drones flown in step by one worker: enough to spread the cost of a tick, few enough for the caches
+_TELL_EVERY = 50  # ticks
+# Drones flown in step by one worker: more would be no faster, and flights would end in larger bunches.
+_ROWS = 150
 
 
 @dataclass(frozen=True)
@@ -34,34 +38,52 @@ class CrewError(RuntimeError):
     """A worker died or could not fly; one line says which and why."""
 
 
-def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight]:
-    """Fly ``mission`` once per pair of seeds, all in step; yields flights as they end.
+def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
+    """Fly ``mission`` once per pair of seeds, all in step; yields flights as they end, and ticks flown.
 
     Raises:
         world.field.FieldError: one of the maps leaves no room to start.
     """
-    simulation = Simulation([mission.model_copy(update={"map_seed": map_seed, "seed": seed}) for map_seed, seed in seeds])
+    simulation = _simulation(mission, seeds)
     agents = mission.agents
+    flown = 0
     while simulation.world.active.any():
+        flown += int(simulation.world.active.sum())
+        if simulation.clock % _TELL_EVERY == 0:
+            yield flown
+            flown = 0
         for world in simulation.tick():
             outcome = simulation.world.outcomes[world]
             assert outcome is not None
-            counts = [party.counts for party in simulation.agents.parties.party[world * agents : (world + 1) * agents]]
+            counts = [
+                party.counts
+                for party in simulation.agents.parties.party[world * agents : (world + 1) * agents]
+            ]
             swaps = {name: sum(getattr(count, name) for count in counts) for name in SWAP_COUNTS}
             yield Flight(*seeds[world], outcome, swaps)
 
 
-def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flight]:
-    """Fly ``mission`` once per pair of seeds on ``workers`` processes; yields flights as they end, in no order.
+def _simulation(mission: Mission, seeds: list[Seeds]) -> Simulation:
+    missions = [mission.model_copy(update={"map_seed": map_seed, "seed": seed}) for map_seed, seed in seeds]
+    for one in missions:
+        try:
+            draw_start(one, draw_obstacles(one))
+        except FieldError as error:
+            raise FieldError(f"map {one.map_seed}, seed {one.seed}: {error}") from None
+    return Simulation(missions)
+
+
+def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flight | int]:
+    """`fly_batch` for many seeds on ``workers`` processes.
 
     Raises:
-        CrewError: a worker died, or a mission could not be flown.
+        CrewError: a worker died or broke. world.field.FieldError: one of the maps leaves no room to start.
     """
     size = max(1, min(_ROWS // mission.agents, -(-len(seeds) // workers)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     if not batches:
         return
-    Simulation([mission]).tick()  # loads every kernel before the fork
+    _simulation(mission, seeds[:1]).tick()  # loads every kernel before the fork
     crew = [_Worker(mission, number) for number in range(min(workers, len(batches)))]
     try:
         for worker in crew:
@@ -72,7 +94,7 @@ def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flig
                 assert isinstance(pipe, Connection)
                 worker = busy[pipe]
                 said = worker.hear()
-                if isinstance(said, Flight):
+                if said is not None:
                     yield said
                 elif batches:
                     pipe.send(batches.pop(0))
@@ -88,19 +110,25 @@ class _Worker:
         context = get_context("fork")
         self.pipe, theirs = context.Pipe()
         self.number = number
-        self._process = context.Process(target=_work, args=(theirs, mission), name=f"flyer-{number}", daemon=True)
+        self._process = context.Process(
+            target=_work, args=(theirs, mission), name=f"flyer-{number}", daemon=True
+        )
         self._process.start()
         theirs.close()
 
     def hear(self) -> Any:
-        """What the worker says next: a flight, or None for the end of its batch."""
+        """What the worker says next: a flight, ticks flown, or None for the end of its batch."""
         try:
             said = self.pipe.recv()
         except (EOFError, ConnectionResetError):
             self._process.join(1.0)
-            raise CrewError(f"worker {self.number} died (exit code {self._process.exitcode}); run it again to go on") from None
+            raise CrewError(
+                f"worker {self.number} died (exit code {self._process.exitcode}); run it again to go on"
+            ) from None
+        if isinstance(said, FieldError):
+            raise said
         if isinstance(said, str):
-            raise CrewError(said)
+            raise CrewError(f"worker {self.number} broke: {said}")
         return said
 
     def dismiss(self) -> None:
@@ -120,11 +148,15 @@ def _work(pipe: Connection, mission: Mission) -> None:
                     return
             batch: list[Seeds] = pipe.recv()
             try:
-                for flight in fly_batch(mission, batch):
-                    pipe.send(flight)
+                for said in fly_batch(mission, batch):
+                    pipe.send(said)
+                    if os.getppid() != parent:
+                        return
+            except FieldError as error:
+                pipe.send(error)
+                return
             except Exception as error:
-                seeds = f"maps {min(batch)[0]} to {max(batch)[0]}"
-                pipe.send(f"{seeds}: {type(error).__name__}: {' '.join(str(error).split())}")
+                pipe.send(f"{type(error).__name__}: {' '.join(str(error).split())}")
                 return
             pipe.send(None)
     except (EOFError, BrokenPipeError, ConnectionResetError):

@@ -1,11 +1,12 @@
 """Many flights of one mission, and what they add up to: one row of a table.
 
-Maps are the seeds ``seed_base`` to ``seed_base + maps - 1``; start k of map m flies with seed 1000 m + k. Maps 0 to 199 are
-the test set; 1,000,000 and above are for training and tuning, so that no controller is judged on maps it was made for.
+Maps are the seeds ``seed_base`` to ``seed_base + maps - 1``; start k of map m flies with seed 1000 m + k.
+Maps 0 to 199 are the test set; 1,000,000 and above are for training and tuning, so that no controller is
+judged on maps it was made for.
 """
 
 import math
-from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -34,7 +35,7 @@ class Failed(BaseModel):
 
 
 class Evaluation(BaseModel):
-    """What many flights of one mission add up to. Rates are shares of all runs; means are over the successful ones."""
+    """Many flights of one mission, added up. Rates are shares of all runs, means over successful ones."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -45,19 +46,42 @@ class Evaluation(BaseModel):
     noncollision_rate: float = Field(description="D: every other failure, mostly no success in time")
     tau_mean_s: float | None = Field(description="mean time to success; null without a success")
     tau_max_s: float | None
-    edge_error_mean: float | None = Field(description="mean over flights of the worst tree edge error at success, relative")
-    slot_error_mean_m: float | None = Field(description="mean over flights of the worst slot error at success")
+    edge_error_mean: float | None = Field(
+        description="mean over flights of the worst tree edge error at success, relative"
+    )
+    slot_error_mean_m: float | None = Field(
+        description="mean over flights of the worst slot error at success"
+    )
     slot_error_max_m: float | None
     min_distance_m: float | None = Field(description="smallest distance to anything in any run")
     min_distance_mean_m: float | None = Field(description="mean over all runs of the smallest distance")
-    held_rate: float | None = Field(description="share of all runs whose formation held for hold_s; null if hold_s is 0")
-    overlap_mean_s: float = Field(description="mean time during which drones claimed the same slot, summed over drones")
+    held_rate: float | None = Field(
+        description="share of all runs whose formation held for hold_s; null if hold_s is 0"
+    )
+    overlap_mean_s: float = Field(
+        description="mean time during which drones claimed the same slot, summed over drones"
+    )
     swaps_per_flight: dict[str, float] = Field(description="mean over runs of the swarm's swap counts")
     failures: list[Failed]
     maps: tuple[int, int] = Field(description="first and last map seed")
     starts: int
-    code: str = Field(description="fingerprint of mission (without seeds) and code; equal ones are comparable")
+    code: str = Field(
+        description="fingerprint of mission (without seeds) and code; equal ones are comparable"
+    )
     mission: dict[str, Any]
+
+
+class Watcher:
+    """Told how an evaluation goes on; this one does not care."""
+
+    def begin(self, known: list[Flight], missing: int) -> None:
+        """These flights are known from the journal, so many are missing."""
+
+    def ticks(self, flown: int) -> None:
+        """So many more ticks have been flown, summed over flights."""
+
+    def flight(self, flight: Flight) -> None:
+        """One more flight has ended."""
 
 
 def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
@@ -72,8 +96,12 @@ def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
     if not 1 <= starts <= STARTS_PER_MAP:
         raise MissionError(f"--starts: give 1 to {STARTS_PER_MAP} starts per map, not {starts}")
     if not 0 <= seed_base <= highest - maps:
-        raise MissionError(f"--seed-base: map seeds go from 0 to {highest - 1}; give at most {highest - maps}, not {seed_base}")
-    return [(m, m * STARTS_PER_MAP + start) for m in range(seed_base, seed_base + maps) for start in range(starts)]
+        raise MissionError(
+            f"--seed-base: map seeds end at {highest - 1}; give 0 to {highest - maps}, not {seed_base}"
+        )
+    return [
+        (m, m * STARTS_PER_MAP + start) for m in range(seed_base, seed_base + maps) for start in range(starts)
+    ]
 
 
 def evaluate(
@@ -81,31 +109,29 @@ def evaluate(
     seeds: list[Seeds],
     workers: int,
     journal: Path | None = None,
-    on_flight: Callable[[Flight, bool], None] = lambda flight, known: None,
+    watcher: Watcher | None = None,
 ) -> list[Flight]:
-    """Fly ``mission`` once per pair of seeds, in the order of ``seeds``.
+    """Fly ``mission`` once per pair of seeds; the flights in the order of ``seeds``.
 
     Args:
         journal: keeps finished flights; those it already has are not flown again.
-        on_flight: called with every flight, and whether the journal knew it.
 
     Raises:
         rsc_swarm.crew.CrewError, rsc_swarm.journal.JournalError, and as rsc_swarm.simulate.Simulation.
     """
-    if journal is None:
-        flights = {}
-        for flight in fly_all(mission, seeds, workers):
-            flights[flight.map_seed, flight.seed] = flight
-            on_flight(flight, False)
-        return [flights[pair] for pair in seeds]
-    with Journal(journal) as book:
-        known = [pair for pair in seeds if pair in book.flights]
-        for pair in known:
-            on_flight(book.flights[pair], True)
-        for flight in fly_all(mission, [pair for pair in seeds if pair not in book.flights], workers):
-            book.add(flight)
-            on_flight(flight, False)
-        return [book.flights[pair] for pair in seeds]
+    watcher = watcher or Watcher()
+    with Journal(journal) if journal else nullcontext() as book:
+        flights = {pair: book.flights[pair] for pair in seeds if pair in book.flights} if book else {}
+        watcher.begin(list(flights.values()), len(seeds) - len(flights))
+        for said in fly_all(mission, [pair for pair in seeds if pair not in flights], workers):
+            if isinstance(said, int):
+                watcher.ticks(said)
+                continue
+            flights[said.map_seed, said.seed] = said
+            if book:
+                book.add(said)
+            watcher.flight(said)
+    return [flights[pair] for pair in seeds]
 
 
 def journal_path(results: Path, code: str) -> Path:
@@ -130,7 +156,9 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     nearest = [outcome.min_distance_m for outcome in outcomes if math.isfinite(outcome.min_distance_m)]
     taus = [outcome.tau_s for outcome in good if outcome.tau_s is not None]
     low, high = wilson(len(good), runs)
-    held = sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
+    held = (
+        sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
+    )
     return Evaluation(
         runs=runs,
         success_rate=len(good) / runs,
@@ -157,5 +185,8 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
 
 def _failed(flight: Flight) -> Failed:
     return Failed(
-        map=flight.map_seed, seed=flight.seed, failure=str(flight.outcome.failure), detail=describe_failure(flight.outcome)
+        map=flight.map_seed,
+        seed=flight.seed,
+        failure=str(flight.outcome.failure),
+        detail=describe_failure(flight.outcome),
     )

@@ -1,6 +1,6 @@
 """One flight in this process, told to whoever watches: what ``rsc-swarm simulate`` runs.
 
-The outcome is the same whatever is watched or recorded, and as ``rsc-swarm launch`` would have it in lockstep.
+The outcome is the same whatever is watched or recorded, and the same as ``rsc-swarm launch`` has in lockstep.
 """
 
 import time
@@ -60,7 +60,10 @@ def fly(
             if recorder:
                 recorder.record(core)
             simulation.tick()
-            sizes += np.bincount(np.minimum(core._sizes[0, (simulation.clock - 1) % core.ring], MAX_FRAME_BYTES), minlength=len(sizes))
+            sizes += np.bincount(
+                np.minimum(core._sizes[0, (simulation.clock - 1) % core.ring], MAX_FRAME_BYTES),
+                minlength=len(sizes),
+            )
             _watch(simulation, watch, views)
             if core.active[0] and watch.breach:
                 core.end(0, "broken-invariant")
@@ -100,12 +103,18 @@ def _watch(simulation: Simulation, watch: Watch, views: np.ndarray) -> None:
     core, now = simulation.world, simulation.agents.parties.slot_of
     changed = np.flatnonzero((views != now).any(axis=1))
     for agent in changed:
-        watch.see(simulation.clock, int(agent), simulation.agents.status(int(agent), simulation.clock, (0,) * len(REASONS)))
+        watch.see(
+            simulation.clock,
+            int(agent),
+            simulation.agents.status(int(agent), simulation.clock, (0,) * len(REASONS)),
+        )
     views[changed] = now[changed]
     for fault in simulation.mission.faults:
         if fault.at_tick == simulation.clock - 1:
             watch.fault(simulation.clock)
-    watch.tick(simulation.clock, [int(agent) for agent in np.flatnonzero(core.flying[0] & core.responsive[0])])
+    watch.tick(
+        simulation.clock, [int(agent) for agent in np.flatnonzero(core.flying[0] & core.responsive[0])]
+    )
 
 
 def _median(counts: np.ndarray) -> float:

@@ -1,7 +1,7 @@
-"""The journal of an evaluation: finished flights, one JSON line each, so that a broken-off evaluation goes on where it was.
+"""The journal of an evaluation: finished flights, one JSON line each, so that it can go on after a stop.
 
-The file is named after what was flown: the mission without its seeds, and all code and data that decide a flight. Another
-mission, or edited code, therefore has a journal of its own, and none is ever overwritten.
+The file is named after what was flown: the mission without its seeds, and all code and data that decide a
+flight. Another mission, or edited code, therefore has a journal of its own, and none is ever overwritten.
 """
 
 import fcntl
@@ -31,7 +31,7 @@ class JournalError(RuntimeError):
 
 
 def fingerprint(mission: Mission) -> str:
-    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, flown by the same code.
+    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, and the same code.
 
     Raises:
         agent.policy.PolicyError: the mission's policy cannot be found or made.
@@ -70,7 +70,9 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._file.close()
-            raise JournalError(f"{path}: another evaluation is writing here; give another --json file") from None
+            raise JournalError(
+                f"{path}: another evaluation is writing here; give another --json file"
+            ) from None
         self._file.seek(0)
         text = self._file.read()
         self.flights: dict[Seeds, Flight] = {}

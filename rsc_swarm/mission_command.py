@@ -4,6 +4,7 @@ import sys
 
 import yaml
 
+from protocols.formation import default_shape
 from protocols.mission import MissionError
 from rsc_swarm.options import SHIPPED, MissionOptions, resolve, shipped_missions
 from rsc_swarm.rundir import mission_yaml
@@ -25,8 +26,10 @@ def run(options: MissionOptions, check: bool, list_: bool) -> None:
 
     find_policy(mission.policy, mission)
     draw_start(mission, draw_obstacles(mission))
+    asked = mission.formation.shape
+    shape = default_shape(mission.agents) if asked == "auto" else asked
     if check:
-        print(f"{options.mission or 'mission'}: can be flown: {mission.agents} agents, {mission.formation.shape} formation")
+        print(f"{options.mission or 'mission'}: can be flown by {mission.agents} agents, formation {shape}")
     else:
         sys.stdout.write(mission_yaml(mission))
 

@@ -1,7 +1,7 @@
 """The options every command shares, and how they become a mission.
 
-An option overrides the mission file, which overrides the defaults. ``--set`` reaches every field that has no option of its
-own. Nothing here imports the mission before a command asks for it, so that ``--help`` answers at once.
+An option overrides the mission file, which overrides the defaults. ``--set`` reaches every field that has no
+option of its own. Nothing here imports the mission before a command asks, so that ``--help`` answers at once.
 """
 
 import inspect
@@ -82,16 +82,23 @@ class MissionOptions:
         ),
     ] = None
     agents: Annotated[
-        int | None, typer.Option("--agents", "-n", metavar="N", help="Number of drones. (25)", rich_help_panel=_WHO)
+        int | None,
+        typer.Option("--agents", "-n", metavar="N", help="Number of drones. (25)", rich_help_panel=_WHO),
     ] = None
     formation: Annotated[
-        Formation | None, typer.Option(help="Shape; auto picks one that fits N. (auto)", rich_help_panel=_WHO)
+        Formation | None,
+        typer.Option(
+            metavar="SHAPE",
+            help="auto, square, triangle, vee or line; auto fits N. (auto)",
+            rich_help_panel=_WHO,
+        ),
     ] = None
     map: Annotated[
         int | None, typer.Option(metavar="SEED", help="Seed of the obstacles. (0)", rich_help_panel=_WHO)
     ] = None
     seed: Annotated[
-        int | None, typer.Option(metavar="SEED", help="Seed of start places and radio. (0)", rich_help_panel=_WHO)
+        int | None,
+        typer.Option(metavar="SEED", help="Seed of start places and radio. (0)", rich_help_panel=_WHO),
     ] = None
     policy: Annotated[
         str | None,
@@ -104,33 +111,51 @@ class MissionOptions:
     ] = None
     aim: Annotated[
         Aim | None,
-        typer.Option(help="Steer to the own slot, or to the leader's position plus offset. (slot)", rich_help_panel=_WHO),
+        typer.Option(
+            help="Steer to the own slot, or to the leader's position plus offset. (slot)",
+            rich_help_panel=_WHO,
+        ),
     ] = None
     swap: Annotated[
         Swap | None,
-        typer.Option(help="Who may trade slots: nobody, follower and leader, any in contact. (contact)", rich_help_panel=_WHO),
+        typer.Option(
+            help="Who may trade slots: nobody, follower and leader, any in contact. (contact)",
+            rich_help_panel=_WHO,
+        ),
     ] = None
     frame_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Frames per drone and second. (100)", rich_help_panel=_RADIO)
+        float | None,
+        typer.Option(metavar="HZ", help="Frames per drone and second. (100)", rich_help_panel=_RADIO),
     ] = None
     loss: Annotated[
-        float | None, typer.Option(metavar="SHARE", help="Frames lost, independently, 0 to 1.", rich_help_panel=_RADIO)
+        float | None,
+        typer.Option(metavar="SHARE", help="Frames lost, independently, 0 to 1.", rich_help_panel=_RADIO),
     ] = None
     burst: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Frames lost in bursts (Gilbert-Elliott), mean, 0 to 1.", rich_help_panel=_RADIO),
+        typer.Option(
+            metavar="SHARE",
+            help="Frames lost in bursts (Gilbert-Elliott), mean, 0 to 1.",
+            rich_help_panel=_RADIO,
+        ),
     ] = None
     delay_ms: Annotated[
-        float | None, typer.Option(metavar="MS", help="Delay of every frame beyond its one tick.", rich_help_panel=_RADIO)
+        float | None,
+        typer.Option(metavar="MS", help="Delay of every frame beyond its one tick.", rich_help_panel=_RADIO),
     ] = None
     jitter_ms: Annotated[
-        float | None, typer.Option(metavar="MS", help="Random extra delay, up to this.", rich_help_panel=_RADIO)
+        float | None,
+        typer.Option(metavar="MS", help="Random extra delay, up to this.", rich_help_panel=_RADIO),
     ] = None
     duplicate: Annotated[
-        float | None, typer.Option(metavar="SHARE", help="Frames that arrive twice, 0 to 1.", rich_help_panel=_RADIO)
+        float | None,
+        typer.Option(metavar="SHARE", help="Frames that arrive twice, 0 to 1.", rich_help_panel=_RADIO),
     ] = None
     reorder: Annotated[
-        float | None, typer.Option(metavar="SHARE", help="Frames held back behind later ones, 0 to 1.", rich_help_panel=_RADIO)
+        float | None,
+        typer.Option(
+            metavar="SHARE", help="Frames held back behind later ones, 0 to 1.", rich_help_panel=_RADIO
+        ),
     ] = None
     set: Annotated[
         list[str] | None,
@@ -209,7 +234,9 @@ def mission_path(name: str) -> Path:
     if name in shipped_missions() and not Path(name).is_file():
         return shipped
     if not Path(name).is_file():
-        raise MissionError(f"--mission {name}: no such file, and no shipped mission; those are {', '.join(shipped_missions())}")
+        raise MissionError(
+            f"--mission {name}: no such file; shipped missions are {', '.join(shipped_missions())}"
+        )
     return Path(name)
 
 
@@ -228,7 +255,7 @@ def _setting(text: str) -> tuple[str, Any]:
 
 
 def _put(document: dict[str, Any], field: str, value: Any) -> None:
-    """Set a dotted field, making sections on the way. A section that is no mapping is left for validation to refuse."""
+    """Set a dotted field, making sections on the way. A section that is no mapping is left to validation."""
     *sections, last = field.split(".")
     place = document
     for section in sections:
@@ -254,11 +281,19 @@ def command_line(verb: str, options: MissionOptions, **instead: Any) -> str:
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command one option per field of each parameter that is a dataclass of options."""
     parameters = inspect.signature(command).parameters
-    groups = {name: entry.annotation for name, entry in parameters.items() if is_dataclass(entry.annotation)}
-    flat = [entry.replace(kind=inspect.Parameter.KEYWORD_ONLY) for name, entry in parameters.items() if name not in groups]
+    groups: dict[str, Any] = {
+        name: entry.annotation for name, entry in parameters.items() if is_dataclass(entry.annotation)
+    }
+    flat = [
+        entry.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, entry in parameters.items()
+        if name not in groups
+    ]
     for group in groups.values():
         flat += [
-            inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type)
+            inspect.Parameter(
+                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
+            )
             for field in fields(group)
         ]
 

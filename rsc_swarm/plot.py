@@ -1,4 +1,4 @@
-"""The picture of a flight, seen from above: every drone's path, obstacles, the swarm on its way and the formation reached.
+"""The picture of a flight, seen from above: the drones' paths, the obstacles, the formation reached.
 
 Needs matplotlib (``pip install 'rsc-swarm[plot]'``), which nothing else does.
 """
@@ -46,8 +46,8 @@ def load_track(path: Path, tau_s: float | None, failure: str | None, verdict: st
     try:
         with np.load(path) as saved:
             return Track(
-                saved["positions"], saved["slots"], saved["flying"], saved["obstacles"], float(saved["goal_x"]),
-                float(saved["tick_s"]), tau_s, failure, verdict,
+                saved["positions"], saved["slots"], saved["flying"], saved["obstacles"],
+                float(saved["goal_x"]), float(saved["tick_s"]), tau_s, failure, verdict,
             )  # fmt: skip
     except (OSError, KeyError, ValueError) as error:
         raise PlotError(f"{path}: is not a recorded flight ({' '.join(str(error).split())})") from None
@@ -68,7 +68,9 @@ def draw(track: Track, mission: Mission, out: Path) -> None:
 
     low, high = _frame(track)
     width = 11.0
-    figure = Figure(figsize=(width, float(np.clip(width * (high[1] - low[1]) / (high[0] - low[0]) + 1.0, 3.2, 11.0))))
+    figure = Figure(
+        figsize=(width, float(np.clip(width * (high[1] - low[1]) / (high[0] - low[0]) + 1.0, 3.2, 11.0)))
+    )
     axes = figure.add_subplot()
     _draw_field(axes, track, mission)
     _draw_midway(axes, track, mission.plan)
@@ -101,7 +103,7 @@ def _frame(track: Track) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _colours(track: Track) -> NDArray[np.float64]:
-    """(N, 4) one colour per drone, from right to left of the starting line, so that neighbours look related."""
+    """(N, 4) one colour per drone, in the order of their starts from right to left."""
     from matplotlib import colormaps
 
     rank = np.argsort(np.argsort(track.positions[0, :, 1], kind="stable"))
@@ -113,7 +115,9 @@ def _draw_field(axes: Any, track: Track, mission: Mission) -> None:
 
     for x, y, radius in track.obstacles:
         keep_off = radius + mission.limits.collision_m
-        axes.add_patch(Circle((x, y), keep_off, facecolor="none", edgecolor=_ROCK, lw=0.8, ls=(0, (2, 2)), zorder=2))
+        axes.add_patch(
+            Circle((x, y), keep_off, facecolor="none", edgecolor=_ROCK, lw=0.8, ls=(0, (2, 2)), zorder=2)
+        )
         axes.add_patch(Circle((x, y), radius, facecolor=_ROCK, edgecolor="none", zorder=2))
     axes.axvline(track.goal_x, color=_INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
     axes.grid(color="#e4e7eb", lw=0.6, zorder=0)
@@ -135,16 +139,21 @@ def _draw_midway(axes: Any, track: Track, plan: Formation) -> None:
     from matplotlib.collections import LineCollection
 
     end = _last_tick(track)
-    axes.add_collection(LineCollection(_edges(track, plan, end // 2), colors=_ROCK, lw=1.0, alpha=0.75, zorder=5))
+    axes.add_collection(
+        LineCollection(_edges(track, plan, end // 2), colors=_ROCK, lw=1.0, alpha=0.75, zorder=5)
+    )
     for agent, colour in enumerate(_colours(track)):
         if track.flying[end // 2, agent]:
-            axes.plot(*track.positions[end // 2, agent], "o", ms=5, color=colour, mec="white", mew=0.7, zorder=6)
+            axes.plot(
+                *track.positions[end // 2, agent], "o", ms=5, color=colour, mec="white", mew=0.7, zorder=6
+            )
     for tick in (0, end // 2, end):
         flying = track.positions[tick, track.flying[tick]]
         if len(flying):
             axes.annotate(
-                f"{tick * track.tick_s:.1f} s", (float(flying[:, 0].mean()), 1.0), (0, -4), xycoords=("data", "axes fraction"),
-                textcoords="offset points", ha="center", va="top", color=_ROCK, fontsize=10,
+                f"{tick * track.tick_s:.1f} s", (float(flying[:, 0].mean()), 1.0), (0, -4),
+                xycoords=("data", "axes fraction"), textcoords="offset points", ha="center", va="top",
+                color=_ROCK, fontsize=10,
             )  # fmt: skip
 
 
@@ -191,7 +200,14 @@ def _draw_events(axes: Any, track: Track, mission: Mission) -> None:
         x, y = _collision(track)
         axes.plot(x, y, "o", ms=22, mfc="none", mec=_ALARM, mew=2.2, zorder=9)
         axes.annotate(
-            "collision", (x, y), (14, 14), textcoords="offset points", color=_ALARM, fontsize=11, weight="bold", zorder=9
+            "collision",
+            (x, y),
+            (14, 14),
+            textcoords="offset points",
+            color=_ALARM,
+            fontsize=11,
+            weight="bold",
+            zorder=9,
         )
 
 
@@ -203,7 +219,10 @@ def _collision(track: Track) -> tuple[float, float]:
     first, second = np.unravel_index(gaps.argmin(), gaps.shape)
     x, y = (flying[first] + flying[second]) / 2
     if len(track.obstacles):
-        surface = np.linalg.norm(flying[:, None] - track.obstacles[None, :, :2], axis=2) - track.obstacles[None, :, 2]
+        surface = (
+            np.linalg.norm(flying[:, None] - track.obstacles[None, :, :2], axis=2)
+            - track.obstacles[None, :, 2]
+        )
         if surface.min() < gaps.min():
             x, y = flying[np.unravel_index(surface.argmin(), surface.shape)[0]]
     return float(x), float(y)
@@ -223,6 +242,6 @@ def _draw_legend(axes: Any) -> None:
         mark("goal", color=_INK, lw=1.2, ls=(0, (4, 3))),
     ]
     axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), frameon=False, fontsize=9,
-        labelcolor=_ROCK, handletextpad=0.5, columnspacing=1.4, borderaxespad=0.3,
+        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), frameon=False,
+        fontsize=9, labelcolor=_ROCK, handletextpad=0.5, columnspacing=1.4, borderaxespad=0.3,
     )  # fmt: skip

@@ -10,8 +10,8 @@ from rsc_swarm.plot import PlotError, Track, draw, load_track
 from rsc_swarm.rundir import RunDir
 
 
-def run(options: MissionOptions, out: Path, run_dir: Path | None) -> int:
-    """Draw the flight in ``run_dir``, or one flown for the purpose; the exit code.
+def run(options: MissionOptions, out: Path, run_dir: Path | None) -> None:
+    """Draw the flight in ``run_dir``, or one flown for the purpose.
 
     Raises:
         PlotError, MissionError, RunDirError: one line says what is wrong.
@@ -23,11 +23,12 @@ def run(options: MissionOptions, out: Path, run_dir: Path | None) -> int:
         track = _flown(mission)
     else:
         if other := [flag(name) for name in chosen(options)]:
-            raise PlotError(f"{' '.join(other)}: the flight in --run-dir is flown already; give the one or the other")
+            raise PlotError(
+                f"{' '.join(other)}: the flight in --run-dir is flown already; give the one or the other"
+            )
         mission, track = _recorded(RunDir(run_dir))
     draw(track, mission, out)
     print(f"{out}: {track.verdict}")
-    return 0
 
 
 def _flown(mission: Mission) -> Track:
@@ -36,7 +37,9 @@ def _flown(mission: Mission) -> Track:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.npz"
         outcome = fly(mission, trajectory=path).outcome
-        return load_track(path, outcome.tau_s, outcome.failure, _verdict(mission, outcome.failure, outcome.tau_s))
+        return load_track(
+            path, outcome.tau_s, outcome.failure, _verdict(mission, outcome.failure, outcome.tau_s)
+        )
 
 
 def _recorded(folder: RunDir) -> tuple[Mission, Track]:

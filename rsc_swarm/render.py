@@ -8,7 +8,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from rsc_swarm.report import FlightReport, lost_text
+from rsc_swarm.report import FlightReport, agents_text, lost_text
 
 
 def render(report: FlightReport) -> RenderableType:
@@ -24,9 +24,14 @@ def render(report: FlightReport) -> RenderableType:
     if report.min_distance_m is not None and report.failure != "collision":
         limit = mission["limits"]["collision_m"]
         lines.append(
-            Text(f"Closest: {report.closest}, {report.min_distance_m:.2f} m apart (a collision is less than {limit:g} m).")
+            Text(
+                f"Closest: {report.closest}, {report.min_distance_m:.2f} m apart "
+                f"(a collision is less than {limit:g} m)."
+            )
         )
-    return Group(*lines, Text(), _figures(report), Text(), Text.assemble("Fly it again:  ", (report.again, "bold")))
+    return Group(
+        *lines, Text(), _figures(report), Text(), Text.assemble("Fly it again:  ", (report.again, "bold"))
+    )
 
 
 def _figures(report: FlightReport) -> Table:
@@ -43,8 +48,11 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
     seeds = f"map {report.map_seed}, seed {report.seed}"
     when = "at success" if report.tau_s is not None else "at the end"
     rows = [
-        ("mission", f"{mission['name']}: {report.agents} agents, policy {report.policy}, {seeds}"),
-        ("worst edge error", f"{100 * report.max_edge_error:.1f} % {when} (limit {100 * mission['edge_tolerance']:g} %)"),
+        ("mission", f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}"),
+        (
+            "worst edge error",
+            f"{100 * report.max_edge_error:.2f} % {when} (limit {100 * mission['edge_tolerance']:g} %)",
+        ),
         ("worst slot error", f"{report.max_slot_error_m:.2f} m {when}"),
     ]
     if report.lost_agents:
@@ -58,7 +66,13 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
     if rejected:
         rows.append(("frames rejected", ", ".join(rejected)))
     how = "in real processes" if report.mode == "launch" else "in one process"
-    rows.append(("flown", f"{report.time_s:.2f} s {how} in {report.wall_s:.1f} s, {report.real_time_factor:.1f} x real time"))
+    rows.append(
+        (
+            "flown",
+            f"{report.time_s:.2f} s {how} in {report.wall_s:.1f} s, "
+            f"{report.real_time_factor:.1f} x real time",
+        )
+    )
     if report.clock == "realtime":
         rows.append(("late answers", f"{report.deadline_misses:,} of {report.ticks * report.agents:,}"))
     if report.first_tick_s is not None:
@@ -76,7 +90,11 @@ def _swaps(report: FlightReport) -> str:
     text = f"{swaps.committed} made of {swaps.proposed} proposed"
     fates = [
         f"{number} {fate}"
-        for fate, number in (("refused", swaps.refused), ("withdrawn", swaps.withdrawn), ("timed out", swaps.timed_out))
+        for fate, number in (
+            ("refused", swaps.refused),
+            ("withdrawn", swaps.withdrawn),
+            ("timed out", swaps.timed_out),
+        )
         if number
     ]
     if fates:
@@ -102,6 +120,15 @@ def console(stream: TextIO | None = None) -> Console:
     stream = stream or sys.stdout
     # Elsewhere than on a terminal nothing may be wrapped: programs and screen readers want whole lines.
     return Console(file=stream, highlight=False, width=None if stream.isatty() else 400)
+
+
+def show(renderable: RenderableType, stream: TextIO | None = None) -> None:
+    """Print on stdout or ``stream``, without trailing blanks where it is no terminal."""
+    out = console(stream)
+    if out.is_terminal:
+        out.print(renderable)
+    else:
+        out.file.write(plain(renderable))
 
 
 def plain(renderable: RenderableType) -> str:

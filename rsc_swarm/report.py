@@ -62,12 +62,12 @@ class SwapTotals(_Part):
 
 
 class WatchCounts(_Part):
-    """What must hold among the drones' views of who is in which slot (world.watch), and how long they differed."""
+    """What must hold among the drones' views of who is in which slot, and how long they differed."""
 
     breach: str | None = Field(description="the first broken invariant; null if all held")
     views_differ_s: float = Field(description="time during which not all living drones had the same view")
     agreed_after_s: float | None = Field(
-        description="from the last fault (or the start) to the moment since which all had one view; null if they had not"
+        description="from the last fault (or start) until all had one view to the end; null if they had not"
     )
     most_swaps_in_a_second: int = Field(description="swaps of the whole swarm in its busiest second")
     undone: int = Field(description="swaps that a merge turned off again")
@@ -76,15 +76,25 @@ class WatchCounts(_Part):
 class FlightReport(_Part):
     """One flight, told completely. Metres, seconds; errors are relative to the edge length."""
 
-    success: bool = Field(description="every drone passed the goal line and every obstacle, in formation, in time")
+    success: bool = Field(
+        description="every drone passed the goal line and every obstacle, in formation, in time"
+    )
     failure: Failure | None = Field(description="null after a success; else what ended the flight")
     detail: str = Field(description="the outcome as a sentence: who, where, when")
     tau_s: float | None = Field(description="time of success; null if there was none")
-    max_edge_error: float = Field(description="worst relative length error of a tree edge, at tau or at the end")
-    max_slot_error_m: float = Field(description="worst distance of a drone from its slot's target, at tau or at the end")
-    min_distance_m: float | None = Field(description="smallest distance between two drones or a drone and an obstacle's surface")
+    max_edge_error: float = Field(
+        description="worst relative length error of a tree edge, at tau or at the end"
+    )
+    max_slot_error_m: float = Field(
+        description="worst distance of a drone from its slot's target, at tau or at the end"
+    )
+    min_distance_m: float | None = Field(
+        description="smallest distance between two drones or a drone and an obstacle's surface"
+    )
     closest: str = Field(description="who came that close, where and when")
-    held_after_success: bool | None = Field(description="whether the formation held for hold_s; null if that was not asked")
+    held_after_success: bool | None = Field(
+        description="whether the formation held for hold_s; null if that was not asked"
+    )
     overlap_s: float = Field(description="time during which drones claimed the same slot, summed over drones")
     ticks: int = Field(description="length of the flight in ticks of 10 ms")
     time_s: float = Field(description="length of the flight in simulated seconds")
@@ -92,17 +102,21 @@ class FlightReport(_Part):
     lost_agents: tuple[int, ...] = Field(description="drones out of the air at the end")
     real_time_factor: float = Field(description="simulated seconds per second of wall clock")
     wall_s: float = Field(description="wall-clock seconds from the first tick to the last")
-    deadline_misses: int = Field(description="answers that came too late for their tick (realtime clock only)")
+    deadline_misses: int = Field(
+        description="answers that came too late for their tick (realtime clock only)"
+    )
     digest: str = Field(description="hash of every tick's state; equal digests are equal flights")
-    policy: str
-    map_seed: int
-    seed: int
-    clock: Literal["lockstep", "realtime"]
+    policy: str = Field(description="the controller")
+    map_seed: int = Field(description="seed of the obstacles")
+    seed: int = Field(description="seed of start places, radio and slots")
+    clock: Literal["lockstep", "realtime"] = Field(description="repeatable, or 100 Hz on the wall clock")
     mode: Literal["launch", "simulate"] = Field(description="real processes, or all in one")
     frames: FrameCounts
     swaps: SwapTotals
     first_tick_s: float | None = Field(description="launch: seconds from the command to the first tick")
-    pss_mb_per_agent: float | None = Field(description="launch: memory of one drone's process (PSS), mean, MB")
+    pss_mb_per_agent: float | None = Field(
+        description="launch: memory of one drone's process (PSS), mean, MB"
+    )
     watch: WatchCounts
     again: str = Field(description="the command that flies this flight again")
     mission: dict[str, Any] = Field(description="the mission, every field")
@@ -163,7 +177,11 @@ def describe(outcome: Outcome, mission: Mission, breach: str | None = None) -> s
     if not outcome.success:
         return describe_failure(outcome, breach)
     lost = len(outcome.lost_agents)
-    who = f"all {mission.agents} agents" if not lost else f"the {mission.agents - lost} agents left of {mission.agents}"
+    who = (
+        f"all {mission.agents} agents"
+        if not lost
+        else f"the {mission.agents - lost} agents left of {mission.agents}"
+    )
     if mission.agents == 1:
         who = "the agent"
     text = f"{who} in formation beyond the goal line and every obstacle after {outcome.tau_s:.2f} s"
@@ -182,7 +200,9 @@ def describe_failure(outcome: Outcome, breach: str | None = None) -> str:
         return breach or f"an invariant of the slots broke at t = {when}"
     if outcome.failure == "all-lost":
         return f"every agent was lost by t = {when}"
-    state = f"worst edge error {outcome.max_edge_error:.0%}, worst slot error {outcome.max_slot_error_m:.1f} m"
+    state = (
+        f"worst edge error {outcome.max_edge_error:.0%}, worst slot error {outcome.max_slot_error_m:.1f} m"
+    )
     if outcome.lost_agents:
         state += f", lost {_numbers(outcome.lost_agents)}"
     if outcome.failure == "interrupted":
@@ -195,6 +215,11 @@ def _numbers(agents: tuple[int, ...]) -> str:
     if len(agents) == 1:
         return f"agent {agents[0]}"
     return "agents " + ", ".join(str(agent) for agent in agents[:-1]) + f" and {agents[-1]}"
+
+
+def agents_text(agents: int) -> str:
+    """``1 agent``, ``25 agents``."""
+    return f"{agents} agent{'' if agents == 1 else 's'}"
 
 
 def lost_text(agents: tuple[int, ...]) -> str:

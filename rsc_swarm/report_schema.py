@@ -1,4 +1,4 @@
-"""The report's schema: JSON Schema for programs, a Markdown table for people (docs/report.md is the latter)."""
+"""The report's schema: JSON Schema for programs, a Markdown table for people (docs/report.md)."""
 
 import json
 import types
@@ -10,8 +10,9 @@ from rsc_swarm.report import FlightReport
 
 _HEAD = """# The report of a flight
 
-`rsc-swarm simulate --json FILE` and `rsc-swarm launch --json FILE` write one JSON object with these fields, and so does
-`report.json` in a run directory. Made by `rsc-swarm schema --markdown`; `rsc-swarm schema` prints the same as JSON Schema.
+`rsc-swarm simulate --json FILE` and `rsc-swarm launch --json FILE` write one JSON object with these fields;
+in a run directory it is `report.json`. This page is made by `rsc-swarm schema --markdown`; `rsc-swarm schema`
+prints the same as JSON Schema.
 
 | field | type | meaning |
 | --- | --- | --- |

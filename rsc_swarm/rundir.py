@@ -47,7 +47,7 @@ class RunDir:
                 raise RunDirError(f"--run-dir {self.path}: is a file; give a directory")
             if self.path.is_dir() and any(self.path.iterdir()) and not self._is_ours():
                 raise RunDirError(
-                    f"--run-dir {self.path}: holds something that is not a flight; give an empty or a new directory"
+                    f"--run-dir {self.path}: holds other things than a flight; give an empty or new directory"
                 )
             self.path.mkdir(parents=True, exist_ok=True)
             for old in (self.report, self.text, self.trajectory):
@@ -70,7 +70,9 @@ class RunDir:
             RunDirError: none is.
         """
         if not self._is_ours() or not self.trajectory.is_file():
-            raise RunDirError(f"--run-dir {self.path}: there is no recorded flight here; make one with --run-dir {self.path}")
+            raise RunDirError(
+                f"--run-dir {self.path}: no flight recorded here; simulate or launch with --run-dir makes one"
+            )
 
     def _is_ours(self) -> bool:
         try:
@@ -82,7 +84,9 @@ class RunDir:
 
 def mission_yaml(mission: Mission) -> str:
     """The mission as YAML, every field."""
-    return yaml.safe_dump(mission.model_dump(mode="json"), sort_keys=False, width=110, default_flow_style=None)
+    return yaml.safe_dump(
+        mission.model_dump(mode="json"), sort_keys=False, width=110, default_flow_style=None
+    )
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -9,12 +9,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from agent.core import AgentCore
-from protocols.frames import Frames, empty_frames, encode_frame, swarm_tag
+from protocols.frames import REASONS, empty_frames, encode_frame, swarm_tag
 from protocols.mission import Mission
+from protocols.status import AgentStatus
 from protocols.swap import encode
 from world.core import Outcome, WorldCore
+from world.watch import Watch
 
-Watch = Callable[["Simulation"], None]
+Spectator = Callable[["Simulation"], None]
 
 
 class Simulation:
@@ -30,11 +32,11 @@ class Simulation:
         self.world = WorldCore(missions)
         worlds, agents = self.world.shape
         self._rows = worlds * agents
-        me = np.tile(np.arange(agents), worlds)
+        self._frames = empty_frames(self.world.ring * self._rows)
+        me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
-        self.agents = AgentCore(self.mission, [int(agent) for agent in me], initial)
-        self._frames: Frames = empty_frames(self.world.ring * self._rows)
-        self._notes: list[object] = [None] * (self.world.ring * self._rows)
+        self.agents = AgentCore(self.mission, me, initial, self.world.sensed, self._frames, self.world.inbox_size)
+        self.watches = [Watch(agents) for _ in missions]
         self._tag = swarm_tag(self.mission.swarm)
         self._quiet_bytes = len(encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0))))
         self._boots = np.zeros(self._rows, np.int64)
@@ -44,32 +46,56 @@ class Simulation:
         """Fly one tick in every world; return the worlds whose flight has just ended."""
         world, agents = self.world, self.agents
         for event in world.begin_tick():
+            self.watches[event.world].fault(self.clock)
             if event.fault.kind == "restart":
                 for agent in event.agents:
                     row = event.world * world.shape[1] + agent
                     self._boots[row] += 1
                     agents.restart(row, self.clock, int(self._boots[row]))
-        sensed = world.sense()
-        start, arrived = world.deliver()
-        inbox = (arrived[:, 1].astype(np.int64) % world.ring) * self._rows + arrived[:, 0]
+        world.sense()
+        work = agents.work
+        work.inbox_start[:], arrived = world.deliver()
+        work.inbox[: len(arrived)] = (arrived[:, 1] % world.ring) * self._rows + arrived[:, 0]
+        work.awake[:] = world.rows_awake
         first = (self.clock % world.ring) * self._rows
-        awake = world.rows_awake
-        step = agents.step(self.clock, awake, sensed, self._frames, self._notes, start, inbox, first)
+        command = agents.step(self.clock, first)
+        ended = world.advance(command, self._sizes(work.sent, first), agents.views.slot)
+        ended += self._watch(world.active)
         self.clock += 1
-        return world.advance(step.command, self._sizes(step.sent, first), step.slot)
+        return ended
+
+    def _watch(self, active: np.ndarray) -> list[int]:
+        """Show the watches the views that changed; end the flights whose invariants broke."""
+        world, agents = self.world, self.world.shape[1]
+        for row in self.agents.parties.changed:
+            self.watches[row // agents].see(self.clock, row % agents, self.status(row))
+        broken = []
+        for index in np.flatnonzero(active):
+            awake = np.flatnonzero(world.flying[index] & world.responsive[index])
+            self.watches[index].tick(self.clock, awake.tolist())
+            if self.watches[index].breach:
+                world.end(int(index), "broken-invariant")
+                broken.append(int(index))
+        return broken
+
+    def status(self, row: int) -> AgentStatus:
+        """The account of the drone in row world * N + agent; nothing is rejected where nothing is unpacked."""
+        return self.agents.status(row, self.clock, (0,) * len(REASONS))
 
     def _sizes(self, sent: np.ndarray, first: int) -> np.ndarray:
         """(A,) bytes each drone's frame would have on the wire."""
         rows = slice(first, first + self._rows)
-        sizes = np.where(sent, self._quiet_bytes + 9 * self._frames.known_count[rows].astype(np.int64), 0)
+        known = self._frames.known_count[rows].astype(np.int64)
+        # Nine bytes per drone known; msgpack's head for 256 bytes of displacements or more is one byte longer.
+        sizes = np.where(sent, self._quiet_bytes + 9 * known + (8 * known > 255), 0)
         for row in np.flatnonzero(sent & (self._frames.loud[rows] > 0)):
             sizes[row] = len(
-                encode_frame(self._tag, self._frames, first + row, encode(self._notes[first + row]))  # type: ignore[arg-type]
+                encode_frame(self._tag, self._frames, first + row, encode(self.agents.notes[first + row]))  # type: ignore[arg-type]
             )
         return sizes
 
 
-def simulate(missions: Sequence[Mission], watch: Watch | None = None) -> list[Outcome]:
+def simulate(missions: Sequence[Mission], watch: Spectator | None = None) -> list[Outcome]:
     """Fly all missions to their ends; ``watch`` is called after every tick.
 
     The missions must agree in all but seeds and faults.

@@ -1,6 +1,6 @@
 """The live view of a flight: one table on a terminal, one line per two simulated seconds elsewhere.
 
-No threads: the picture is drawn when `View.update` is called and at no other time, because the launcher forks.
+No threads: the picture is drawn when `View.update` is called and at no other time; the launcher forks.
 """
 
 import math
@@ -28,7 +28,11 @@ class View:
         """``title`` says what is flown; ``stream`` is stderr unless given."""
         self._title = title
         self._console = console(stream or sys.stderr)
-        self._live = Live(console=self._console, auto_refresh=False, transient=True) if self._console.is_terminal else None
+        self._live = (
+            Live(console=self._console, auto_refresh=False, transient=True)
+            if self._console.is_terminal
+            else None
+        )
         self._next_line_s = 0.0
         self.last: Snapshot | None = None
 
@@ -64,7 +68,7 @@ def line(snapshot: Snapshot) -> str:
     edge = max((row.edge_error for row in flying), default=0.0)
     text = (
         f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time  "
-        f"obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}  nearest {nearest:5.2f} m  "
+        f"{_passed(snapshot)}  nearest {nearest:5.2f} m  "
         f"worst edge {100 * edge:4.0f} %  swaps {swaps(snapshot)}"
     )
     lost = len(snapshot.agents) - len(flying)
@@ -74,6 +78,10 @@ def line(snapshot: Snapshot) -> str:
 def swaps(snapshot: Snapshot) -> int:
     """Swaps that took place so far."""
     return snapshot.swaps["committed"] + snapshot.swaps["vacated"]
+
+
+def _passed(snapshot: Snapshot) -> str:
+    return f"obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}"
 
 
 def _late(snapshot: Snapshot) -> str:
@@ -88,8 +96,8 @@ def picture(title: str, snapshot: Snapshot, height: int) -> Group:
     head = [
         Text.assemble((title, "bold"), no_wrap=True, overflow="ellipsis"),
         Text(
-            f"t {snapshot.time_s:6.2f} s   tick {snapshot.tick:5d}   {snapshot.real_time_factor:5.1f} x real time   "
-            f"obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}{_late(snapshot)}",
+            f"t {snapshot.time_s:6.2f} s   tick {snapshot.tick:5d}   "
+            f"{snapshot.real_time_factor:5.1f} x real time   {_passed(snapshot)}{_late(snapshot)}",
             no_wrap=True,
         ),
         Text(

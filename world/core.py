@@ -118,6 +118,11 @@ class WorldCore:
         return self._sizes.shape[1]
 
     @property
+    def inbox_size(self) -> int:
+        """No more frames than this arrive in one tick."""
+        return len(self._inbox)
+
+    @property
     def rows_awake(self) -> NDArray[np.bool_]:
         """(E*N,) the drones that sense, hear and answer this tick."""
         return (self.responsive & self.flying & self.active[:, None]).ravel()
@@ -141,7 +146,9 @@ class WorldCore:
         elif kind == "freeze":
             self.responsive[world, agents] = False
             self.command[world, agents] = 0.0
-        elif kind in ("thaw", "restart"):
+        elif kind == "thaw":
+            self.responsive[world, agents] = self.flying[world, agents]  # no thaw revives the dead
+        elif kind == "restart":
             self.responsive[world, agents] = True
             self.velocity[world, agents] *= self.flying[world, agents, None]
             self.flying[world, agents] = True

@@ -109,6 +109,8 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,  # nobody is scouted, so nobody is waited for
         "timestamping/enabled": False,
+        "transport/unicast/qos/enabled": False,
+        "transport/unicast/lowlatency": True,
         "transport/shared_memory/enabled": False,  # no gain at these sizes
         "transport/unicast/accept_pending": 2 * keys.MAX_AGENTS,  # a whole swarm may knock at once
         "transport/unicast/max_sessions": 4 * keys.MAX_AGENTS,

@@ -15,6 +15,7 @@ A frame without delay arrives at the next tick: one tick per hop. Every draw is 
 depend on the order in which they are asked.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -57,8 +58,11 @@ def link_of(mission: Mission) -> Link:
     radio = mission.radio
     leave = min(1.0, TICK_S / radio.burst.length_s)
     mean = radio.burst.loss
-    # Stationary share of bad time = enter / (enter + leave).
-    enter = 1.0 if mean >= 1 else min(1.0, leave * mean / (1 - mean))
+    # Stationary share of bad time = enter / (enter + leave). A good spell lasts a tick at least, so where the mean asks
+    # for shorter ones, the bad spells get longer instead.
+    enter = leave * mean / (1 - mean) if mean < 1 else math.inf
+    if enter > 1:
+        enter, leave = 1.0, (1 - mean) / mean
     per_tick = 0.001 / TICK_S
     return Link(
         radio.range_m, radio.loss, enter, leave, radio.delay_ms * per_tick, radio.jitter_ms * per_tick, radio.reorder, radio.duplicate
@@ -128,7 +132,9 @@ class Queue(NamedTuple):
 
 def empty_queue(worlds: int, agents: int, longest: int) -> Queue:
     """A queue for frames that take up to ``longest`` ticks."""
-    capacity = agents * min(max(agents - 1, 1), MAX_FANOUT) * 2
+    usual = agents * min(max(agents - 1, 1), MAX_FANOUT) * 2
+    # Jitter makes frames of several ticks arrive at once: far more than their number ever scatters.
+    capacity = usual + 16 + 12 * math.isqrt(usual)
     return Queue(
         np.zeros((worlds, longest + 1), np.int64), np.zeros((worlds, longest + 1, capacity, 3), np.int32)
     )

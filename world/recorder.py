@@ -5,6 +5,7 @@ Row t holds the state at the beginning of tick t, so row 0 is the start and the 
 
 import os
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,16 @@ from numpy.typing import NDArray
 from protocols.mission import TICK_S, Mission
 from world.core import WorldCore
 
+_Kind = TypeVar("_Kind", bound=np.generic)
+
 _FIRST_ROWS = 2200  # a flight of the standard task; longer ones double it
 
 
 class Recorder:
-    """Keeps positions (T, N, 2) [m], velocities (T, N, 2) [m/s], claimed slots (T, N) and who flies (T, N)."""
+    """Keeps positions and velocities (T, N, 2) [m, m/s], claimed slots (T, N) and who flies (T, N)."""
 
     def __init__(self, mission: Mission, world: int = 0) -> None:
-        """Record world ``world`` of a core that flies ``mission``; call `record` before the first tick and after every tick."""
+        """For one world of a core that flies ``mission``; `record` before the first tick and after each."""
         agents = mission.agents
         self._world = world
         self._rows = 0
@@ -63,5 +66,5 @@ class Recorder:
             partial.unlink(missing_ok=True)
 
 
-def _double(rows: NDArray[np.generic]) -> NDArray[np.generic]:
+def _double(rows: NDArray[_Kind]) -> NDArray[_Kind]:
     return np.concatenate([rows, np.empty_like(rows)])

@@ -16,6 +16,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from protocols import messages
+from protocols.dynamics import ABSURD_MPS2
 from protocols.mission import TICK_S, Mission
 from protocols.sensed import pack_sensed
 from protocols.status import AgentStatus, parse_status
@@ -27,6 +28,7 @@ from world.watch import Watch, Watched
 Clock = Literal["lockstep", "realtime"]
 _JOIN_S = 30.0  # patience for all drones to arrive
 _ANSWER_S = 5.0  # lockstep's patience for one answer; after that the drone counts as lost
+_BACKLOG = 20  # unanswered ticks after which a drone is sent no more until it answers: its pipe must never fill, a full one blocks
 _SNAPSHOT_S = 0.125
 _SIZE_SAMPLE = 20_000
 
@@ -116,7 +118,8 @@ class WorldServer:
         self._sizes: list[int] = []
         self._misses = 0
         self._pulsed = 0.0
-        self._answered = np.full(agents, -1, np.int64)
+        self._answered = np.full(agents, -1, np.int64)  # the last tick each drone answered
+        self._asked = np.full(agents, -1, np.int64)  # and the last it was sent
 
     def run(self) -> Flown:
         """Gather the drones, fly to the end, say goodbye.
@@ -188,6 +191,7 @@ class WorldServer:
                 for agent in event.agents:
                     self._boots[agent] += 1
                     self._ready[agent] = False
+                    self._asked[agent] = self._answered[agent]
             self._control.apply(event.fault.kind, event.agents)
         self._lose(self._control.lost())
         if self._clock == "lockstep":
@@ -217,6 +221,9 @@ class WorldServer:
         ring, frames = self.core.ring, self._frames
         pairs = arrived.tolist()
         for agent in awake:
+            if self._asked[agent] - self._answered[agent] > _BACKLOG:
+                continue
+            self._asked[agent] = tick
             heard = [frames[sent % ring][source] for source, sent in pairs[start[agent] : start[agent + 1]]]
             self._link.send(agent, messages.pack(messages.TICK, tick, pack_sensed(sensed, agent), heard))
 
@@ -232,7 +239,9 @@ class WorldServer:
                 self._pulse()
                 self._lose(self._control.lost())
                 waiting &= set(self._awake())
-            if time.monotonic() > deadline or self._control.leaving():
+            if self._control.leaving():
+                return
+            if time.monotonic() > deadline:
                 self._lose(list(waiting))
                 return
 
@@ -277,7 +286,10 @@ class WorldServer:
 
     def _greet(self, agent: int, version: Any) -> None:
         if version != messages.VERSION:
-            raise ServerError(f"agent {agent} speaks version {version} of the messages, the world {messages.VERSION}")
+            wrong = f"agent {agent} speaks version {version} of the messages, the world {messages.VERSION}"
+            if self.core.tick[0] == 0 and not self._ready[agent]:
+                raise ServerError(wrong)
+            raise ValueError(wrong)  # no single drone ends a flight that has begun
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
         self._link.send(agent, messages.pack(messages.WELCOME, self._welcome_fields, slots, self._boots[agent]))
 
@@ -287,8 +299,14 @@ class WorldServer:
         Raises:
             ValueError, TypeError: not what a drone may say; nothing of it is used.
         """
-        if not (np.isfinite(ax) and np.isfinite(ay)) or not 0 <= slot < self._mission.agents:
+        if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
             raise ValueError("not a command")
+        if type(slot) is not int or not 0 <= slot < self._mission.agents:
+            raise ValueError("not a slot")
+        if type(tick) is not int or not -1 <= tick <= self.core.tick[0]:
+            raise ValueError("an answer to a tick that has not been")
+        if frame is not None and type(frame) is not bytes:
+            raise ValueError("a frame is bytes")
         if status is not None:
             account = parse_status(status, self._mission.agents)
             self._statuses[agent] = account
@@ -299,8 +317,6 @@ class WorldServer:
         self._command[agent] = ax, ay
         self._claim[agent] = slot
         if frame is not None:
-            if not isinstance(frame, bytes):
-                raise ValueError("a frame is bytes")
             self._frames[int(self.core.tick[0]) % self.core.ring][agent] = frame
             self._sent_bytes[agent] = len(frame)
             if len(self._sizes) < _SIZE_SAMPLE:

@@ -1,7 +1,7 @@
-"""A tiny radio network for swap parties, and an oracle that knows every swap and checks every party after each step.
+"""A tiny radio network for swap parties, and an oracle that knows all swaps and checks all parties each step.
 
-Nothing happens by itself: the test says who speaks, which frame arrives, is lost or arrives twice, and when time
-passes. Frames go through the codec and msgpack, as on the air.
+Nothing happens by itself: the test says who speaks, which frame arrives, is lost or arrives twice, and when
+time passes. Frames go through the codec and msgpack, as on the air.
 """
 
 from __future__ import annotations
@@ -59,11 +59,12 @@ class Swarm:
     def vacate(self, agent: int, dead: int) -> str:
         return self._try(agent, lambda party: party.vacate(dead, self.tick))
 
-    def say(self, agent: int) -> None:
+    def say(self, agent: int) -> SlotNote:
         """One broadcast: a frame to everyone in reach is now in the air."""
         note = self.parties[agent].note(self.tick)
         note = decode(msgpack.unpackb(msgpack.packb(encode(note))), self.n)
         self.air += [Packet(agent, other, note) for other in range(self.n) if (agent, other) in self.links]
+        return note
 
     def whisper(self, agent: int, listener: int) -> None:
         """One broadcast that only `listener` hears, at once."""
@@ -92,7 +93,7 @@ class Swarm:
         self.oracle.look()
 
     def round(self) -> None:
-        """One tick in which every living agent broadcasts once and all in reach hear it; older frames stay."""
+        """One tick in which all living broadcast once and all in reach hear it; older frames stay."""
         self.wait(1)
         old, self.air = self.air, []
         for agent in sorted(self.alive):
@@ -196,7 +197,7 @@ class Oracle:
             assert any(new < op for op in acted for new in now - before), "undone without an earlier swap"
 
     def _trace(self, agent: int, base: Checkpoint, heard: SlotNote | None) -> frozenset[Swap]:
-        """The swaps in a new checkpoint, which was folded on from its owner's last one, or from one just heard."""
+        """The swaps in a new checkpoint, folded on from its owner's last one or from one just heard."""
         candidates = self.known[agent].union(heard.ops if heard else ())
         froms = [self._base[agent], *([heard.checkpoint] if heard and heard.checkpoint else [])]
         for start in froms:

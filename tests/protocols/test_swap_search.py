@@ -5,22 +5,23 @@ The alphabet; one event is one step:
     propose a b     any two, in either direction, up to `proposals` in all
     frame a to S    a broadcasts; of the others exactly those in S hear it, S not empty. (A frame that nobody
                     hears is no event: what it said is said again by the next)
-    delay a to b    b will hear this very frame of a's, but later; up to `late` frames are under way
+    delay a to b    b will hear this very frame of a's, but later; `late` frames at most are under way
     arrive          a delayed frame is heard; one that never arrives was lost
     double          a delayed frame is heard, and will be heard again
     time-out a      a has waited too long for what it is engaged in
     crash a         a falls silent for good, up to `crashes`; then anyone in a larger slot may take its slot
     restart a       a starts anew with amnesia, up to `restarts`, while another remembers
 
-Time-outs strike at any moment and nobody cools down, so whatever clocks could do is among the schedules. Equal
-states are visited once. In every state visited:
+Time-outs strike at any moment and nobody cools down, so whatever clocks could do is among the schedules.
+Equal states are visited once. In every state visited:
 
     the view is a permutation, and equal digests mean equal views;
     without time-outs, crashes and restarts, no swap that a party acted on is ever undone;
-    if from here on all deals time out and every frame is heard, then within ROUNDS rounds of one broadcast each
-    all living are idle and agree: no schedule leads to a permanent lock or a permanent difference.
+    if from here on all deals time out and every frame is heard, then within ROUNDS rounds of one broadcast
+    each all living are idle and agree: no schedule leads to a permanent lock or a permanent difference.
 
-RSC_SWARM_DEEP=1 searches deeper. To run one search: `python tests/protocols/test_swap_search.py 'Alphabet(3, 10, 2)'`.
+RSC_SWARM_DEEP=1 searches deeper. One search alone:
+`python tests/protocols/test_swap_search.py "Alphabet(3, 10, 2)"`.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from copy import copy
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
+
+import pytest
 
 from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
 
@@ -82,8 +85,8 @@ class State(NamedTuple):
     restarts: int = 0
 
     def key(self) -> int:
-        """What is the same for equal states. (64 bits: a search of ten million states has one chance in 300,000
-        to miss one.)"""
+        """What is the same for equal states: 64 bits, so a search of ten million states overlooks one with a
+        chance of 1 in 400,000."""
         return hash((tuple((seat.mind, seat.alive) for seat in self.seats), *self[1:]))
 
     def seat(self, agent: int, seat: Seat) -> State:
@@ -226,6 +229,33 @@ def search(alphabet: Alphabet) -> Found:
         frontier = following
     assert all(sorted(view) == list(range(n)) for view in views.values()), "not a permutation"
     return Found(len(seen), undone, rounds)
+
+
+EVERY_TEST = [
+    Alphabet(3, depth=10, proposals=2),
+    Alphabet(3, depth=10, proposals=2, time_outs=True),
+    Alphabet(3, depth=6, proposals=2, time_outs=True, late=1),
+    Alphabet(3, depth=8, proposals=2, crashes=1),
+    Alphabet(3, depth=7, proposals=1, restarts=1),
+    Alphabet(4, depth=8, proposals=2, ring=True),
+]
+DEEP_TEST = [
+    Alphabet(3, depth=14, proposals=3),
+    Alphabet(3, depth=11, proposals=3, time_outs=True),
+    Alphabet(3, depth=10, proposals=2, time_outs=True, late=1),
+    Alphabet(3, depth=10, proposals=2, crashes=1, time_outs=True),
+    Alphabet(3, depth=9, proposals=2, restarts=1, time_outs=True),
+    Alphabet(4, depth=9, proposals=2),
+    Alphabet(4, depth=9, proposals=2, ring=True, time_outs=True),
+]
+
+
+@pytest.mark.timeout(3600 if DEEP else 300)
+@pytest.mark.parametrize("alphabet", DEEP_TEST if DEEP else EVERY_TEST, ids=str)
+def test_no_schedule_breaks_the_protocol(alphabet: Alphabet) -> None:
+    found = search(alphabet)
+    print(f"{alphabet}: {found}")
+    assert found.states > 1000, "the search has become vacuous"
 
 
 if __name__ == "__main__":

@@ -1,0 +1,160 @@
+"""Everything the compiled parts of a drone's tick work on, handed to them as one object.
+
+Handing a kernel a hundred arrays one by one costs more than the kernel; a `Desk` is laid out once and then passed as a
+single pointer. In Python the same arrays are reached through the named tuples it was made of.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numba.experimental import structref
+from numpy.typing import NDArray
+
+from agent.control.gains import SafetyLimits
+from agent.memory import Memory
+from protocols import trigger
+from protocols.formation import NO_PARENT
+from protocols.frames import OBSERVATION_SIZE, Frames
+from protocols.kernels import kernel
+from protocols.mission import TICK_S, Mission
+from protocols.sensed import Sensed
+
+
+class Rules(NamedTuple):
+    """What a mission means in ticks, metres and yes or no."""
+
+    by_sensor: bool
+    remember_obstacles: bool
+    chain: bool
+    filtered: bool
+    connected: bool
+    swap_rule: int
+    memory_ticks: int
+    silent_ticks: int
+    max_hops: int
+    frame_every: int
+    range_m: float
+    reach_m: float
+    margin_m: float
+    limits: SafetyLimits
+
+
+class Shape(NamedTuple):
+    """The formation: offsets (N, 2) [m], parent (N,), depth (N,) edges up to the root."""
+
+    offsets: NDArray[np.float64]
+    parent: NDArray[np.int16]
+    depth: NDArray[np.int64]
+
+
+class Views(NamedTuple):
+    """Each drone's view of the slots: slot_of, occupant (A, N); its own slot, its swap set's digest, whether its protocol is
+    busy: (A,)."""
+
+    slot_of: NDArray[np.int64]
+    occupant: NDArray[np.int64]
+    slot: NDArray[np.int64]
+    digest: NDArray[np.uint64]
+    busy: NDArray[np.bool_]
+
+
+class Work(NamedTuple):
+    """One tick's inputs and results. Row r hears frames ``inbox[inbox_start[r]:inbox_start[r + 1]]``.
+
+    me, awake: (A,). chain_error, slot_error: (A, 2) [m]. observation: (A, 18). partner, vacated: (A,) whom to swap with, whose
+    place to take, or NOBODY. news: (A,) whether the slot protocol has something to attend to. sent: (A,) a frame was composed.
+    """
+
+    me: NDArray[np.int64]
+    awake: NDArray[np.bool_]
+    inbox_start: NDArray[np.int64]
+    inbox: NDArray[np.int64]
+    chain_error: NDArray[np.float64]
+    slot_error: NDArray[np.float64]
+    observation: NDArray[np.float64]
+    partner: NDArray[np.int64]
+    vacated: NDArray[np.int64]
+    news: NDArray[np.bool_]
+    sent: NDArray[np.bool_]
+
+
+@structref.register
+class _DeskType(types.StructRef):  # type: ignore[misc]
+    pass
+
+
+class Desk(structref.StructRefProxy):  # type: ignore[misc]
+    """The one object; made by `make_desk`. Its fields are for kernels only."""
+
+
+structref.define_proxy(Desk, _DeskType, ["rules", "shape", "views", "work", "sensed", "frames", "memory"])
+
+
+@kernel
+def make_desk(
+    rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
+) -> Desk:
+    """Lay the arrays out once; kernels then share them with Python."""
+    return Desk(rules, shape, views, work, sensed, frames, memory)
+
+
+def rules_of(mission: Mission) -> Rules:
+    """The mission as a drone's kernels need it."""
+    return Rules(
+        by_sensor=mission.sensing.neighbours == "sensed",
+        remember_obstacles=mission.sensing.obstacle_memory,
+        chain=mission.aim == "chain",
+        filtered=mission.safety_filter,
+        connected=mission.swap.connected,
+        swap_rule=trigger.RULES[mission.swap.rule],
+        memory_ticks=round(mission.radio.memory_s / TICK_S),
+        silent_ticks=round(mission.swap.silent_s / TICK_S),
+        max_hops=mission.radio.hops,
+        frame_every=mission.frame_every,
+        range_m=mission.radio.range_m,
+        reach_m=mission.sensing.range_m,
+        margin_m=mission.swap.margin_m,
+        limits=SafetyLimits(max_acceleration=mission.limits.acceleration_mps2),
+    )
+
+
+def shape_of(mission: Mission) -> Shape:
+    """The mission's formation as arrays."""
+    parent = mission.plan.parent
+    depth = np.zeros(len(parent), np.int64)
+    for slot in range(len(parent)):
+        above = parent[slot]
+        while above != NO_PARENT:
+            depth[slot] += 1
+            above = parent[above]
+    return Shape(mission.plan.offsets, parent, depth)
+
+
+def empty_views(rows: int, agents: int) -> Views:
+    """Views to be filled by the slot protocol."""
+    return Views(
+        slot_of=np.zeros((rows, agents), np.int64),
+        occupant=np.zeros((rows, agents), np.int64),
+        slot=np.zeros(rows, np.int64),
+        digest=np.zeros(rows, np.uint64),
+        busy=np.zeros(rows, np.bool_),
+    )
+
+
+def empty_work(me: NDArray[np.int64], inbox_size: int) -> Work:
+    """A tick's arrays for the drones numbered ``me``, all awake, hearing up to ``inbox_size`` frames."""
+    rows = len(me)
+    return Work(
+        me=me,
+        awake=np.ones(rows, np.bool_),
+        inbox_start=np.zeros(rows + 1, np.int64),
+        inbox=np.zeros(inbox_size, np.int64),
+        chain_error=np.zeros((rows, 2)),
+        slot_error=np.zeros((rows, 2)),
+        observation=np.zeros((rows, OBSERVATION_SIZE)),
+        partner=np.full(rows, trigger.NOBODY, np.int64),
+        vacated=np.full(rows, trigger.NOBODY, np.int64),
+        news=np.zeros(rows, np.bool_),
+        sent=np.zeros(rows, np.bool_),
+    )

@@ -1,0 +1,194 @@
+"""``rsc-swarm evaluate``: progress while it flies, the table row, and the failures as commands."""
+
+import os
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+from statistics import fmean
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+from rich.text import Text
+
+from protocols.mission import MissionError
+from rsc_swarm.crew import Flight
+from rsc_swarm.evaluate import Evaluation, Watcher, evaluate, journal_path, seeds_of, summarise
+from rsc_swarm.fly_command import check_json
+from rsc_swarm.journal import fingerprint
+from rsc_swarm.options import MissionOptions, command_line, resolve
+from rsc_swarm.render import console
+from rsc_swarm.rundir import write_whole
+
+_SHOWN_FAILURES = 20
+_LINE_EVERY_S = 10.0
+_DRAW_EVERY_S = 0.25
+
+
+def run(
+    options: MissionOptions, maps: int, starts: int, seed_base: int, workers: int | None, json: str | None
+) -> int:
+    """Fly, print and write; the exit code.
+
+    Raises:
+        MissionError, rsc_swarm.crew.CrewError, rsc_swarm.journal.JournalError: as evaluate.
+    """
+    if options.map is not None or options.seed is not None:
+        raise MissionError(
+            "--map and --seed: evaluate chooses the seeds; use --seed-base, --maps and --starts"
+        )
+    if workers is not None and workers < 1:
+        raise MissionError(f"--workers: give at least 1, not {workers}")
+    mission = resolve(options)
+    seeds = seeds_of(seed_base, maps, starts)
+    check_json(json)
+    code = fingerprint(mission)
+    journal = journal_path(Path(json), code) if json and json != "-" else None
+    crew = workers or len(os.sched_getaffinity(0))
+    begin = time.monotonic()
+    progress = _Progress(0.75 * mission.ticks)
+    try:
+        with closing(progress):
+            flights = evaluate(mission, seeds, crew, journal, progress)
+    except KeyboardInterrupt:
+        failed = sum(not flight.outcome.success for flight in progress.flights)
+        kept = (
+            "; they are kept, and the same command goes on from there" if journal and progress.flights else ""
+        )
+        print(
+            f"stopped after {len(progress.flights)} of {len(seeds)} flights, {failed} failed{kept}",
+            file=sys.stderr,
+        )
+        return 130
+    result = summarise(mission, flights, starts, code)
+    if json == "-":
+        print(result.model_dump_json(indent=2))
+    elif json:
+        write_whole(Path(json), result.model_dump_json(indent=2) + "\n")
+    out = console(sys.stderr if json == "-" else sys.stdout)
+    out.print(render(result, rich=out.is_terminal))
+    _print_notes(out, result, options, time.monotonic() - begin)
+    return 0
+
+
+class _Progress(Watcher):
+    """A bar on a terminal, a line now and then elsewhere. Drawn without a thread, when a worker reports."""
+
+    def __init__(self, ticks_guess: float) -> None:
+        """``ticks_guess``: how long a flight may take, until some have been flown."""
+        self.flights: list[Flight] = []
+        self._known, self._missing, self._ticks, self._guess = 0, 0, 0, ticks_guess
+        self._begin = self._told = time.monotonic()
+        screen = console(sys.stderr)
+        columns = (BarColumn(24), TextColumn("{task.description}"))
+        on_terminal = screen.is_terminal
+        self._bar = (
+            Progress(*columns, console=screen, auto_refresh=False, transient=True) if on_terminal else None
+        )
+
+    def begin(self, known: list[Flight], missing: int) -> None:
+        self.flights, self._known, self._missing = list(known), len(known), missing
+        self._begin = self._told = time.monotonic()
+        if self._bar:
+            self._bar.start()
+            self._task = self._bar.add_task(self._said(), total=1.0)
+            self._bar.refresh()
+
+    def ticks(self, flown: int) -> None:
+        self._ticks += flown
+        self._tell(_DRAW_EVERY_S if self._bar else _LINE_EVERY_S)
+
+    def flight(self, flight: Flight) -> None:
+        self.flights.append(flight)
+
+    def close(self) -> None:
+        """Take the bar off the screen."""
+        if self._bar:
+            self._bar.stop()
+
+    def _tell(self, every_s: float) -> None:
+        now = time.monotonic()
+        if now - self._told < every_s:
+            return
+        self._told = now
+        if self._bar:
+            self._bar.update(self._task, completed=self._share(), description=self._said())
+            self._bar.refresh()
+        else:
+            print(self._said(), file=sys.stderr, flush=True)
+
+    def _share(self) -> float:
+        """The share of the work that is done, by ticks: flights end in bunches."""
+        fresh = [flight.outcome.ticks for flight in self.flights[self._known :]]
+        length = fmean(fresh) if fresh else self._guess
+        return min(1.0, self._ticks / max(1.0, length * self._missing))
+
+    def _said(self) -> str:
+        failed = sum(not flight.outcome.success for flight in self.flights)
+        text = f"{len(self.flights)} of {self._known + self._missing} flights, {failed or 'none'} failed"
+        share, spent = self._share(), time.monotonic() - self._begin
+        return text + (f", {spent / share - spent:.0f} s left" if share > 0.02 else "")
+
+
+def _row(result: Evaluation) -> dict[str, str]:
+    """The columns of the table and this evaluation's figures."""
+    mission = result.mission
+
+    def number(value: float | None, digits: int, scale: float = 1.0) -> str:
+        return "-" if value is None else f"{scale * value:.{digits}f}"
+
+    low, high = result.success_interval
+    row = {
+        "mission": mission["name"],
+        "N": str(mission["agents"]),
+        "policy": mission["policy"],
+        "runs": str(result.runs),
+        "S %": number(result.success_rate, 1, 100),
+        "95 %": f"{100 * low:.1f}-{100 * high:.1f}",
+        "C %": number(result.collision_rate, 1, 100),
+        "D %": number(result.noncollision_rate, 1, 100),
+        "tau s": number(result.tau_mean_s, 2),
+        "slot m": number(result.slot_error_max_m, 2),
+        "nearest m": number(result.min_distance_m, 2),
+        "swaps": number(result.swaps_per_flight["committed"] + result.swaps_per_flight["vacated"], 1),
+    }
+    if result.held_rate is not None:
+        row["held %"] = number(result.held_rate, 1, 100)
+    return row
+
+
+def render(result: Evaluation, rich: bool = False) -> RenderableType:
+    """The table row: drawn on a terminal, Markdown elsewhere."""
+    row = _row(result)
+    if not rich:
+        texts = [list(row), ["---"] * len(row), list(row.values())]
+        return Text("\n".join("| " + " | ".join(cells) + " |" for cells in texts))
+    title = f"{row.pop('mission')}, {row.pop('N')} agents, policy {row.pop('policy')}"
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    for name in row:
+        table.add_column(name, justify="right")
+    table.add_row(*row.values())
+    return table
+
+
+def _print_notes(out: Console, result: Evaluation, options: MissionOptions, seconds: float) -> None:
+    first, last = result.maps
+    out.print(
+        f"\nMaps {first} to {last}, {result.starts} start{'s' if result.starts > 1 else ''} each, "
+        f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; "
+        "slot: largest slot error at success; nearest: smallest distance ever; swaps: made per flight.",
+        soft_wrap=False,
+    )
+    if not result.failures:
+        out.print(
+            f"No failure in {result.runs} runs: the failure rate is below {300 / result.runs:.2g} % (95 %)."
+        )
+        return
+    out.print(f"\n{len(result.failures)} failed. Fly them again:")
+    for failed in result.failures[:_SHOWN_FAILURES]:
+        command = command_line("simulate", options, map=failed.map, seed=failed.seed)
+        out.print(Text.assemble((command, "bold"), f"   # {failed.failure}: {failed.detail}"), soft_wrap=True)
+    if len(result.failures) > _SHOWN_FAILURES:
+        out.print(f"and {len(result.failures) - _SHOWN_FAILURES} more; --json has them all")

@@ -1,0 +1,542 @@
+"""The swap protocol, one story per rule."""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Any
+
+import msgpack
+import pytest
+
+from protocols.slots import Checkpoint, Mark, Swap
+from protocols.swap import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, decode, encode
+from protocols.swap_notes import Acceptance, Ack, Proposal, Refusal
+from protocols.versioned import VersionedParty
+
+RULES = SwapRules()
+
+
+def parties(n: int, rules: SwapRules = RULES) -> list[SlotParty]:
+    return [SlotParty(agent, range(n), rules) for agent in range(n)]
+
+
+def tell(speaker: SlotParty, *listeners: SlotParty, tick: int = 0, willing: bool = True) -> SlotNote:
+    """One broadcast, heard by these."""
+    note = speaker.note(tick)
+    for listener in listeners:
+        listener.hear(note, speaker.me, tick, willing)
+    return note
+
+
+def rounds(swarm: list[SlotParty], count: int, tick: int = 0) -> None:
+    for _ in range(count):
+        for speaker in swarm:
+            tell(speaker, *(party for party in swarm if party is not speaker), tick=tick)
+
+
+# Agreement
+
+
+def test_propose_accept_commit() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    tell(a, b)
+    assert b.stance is Stance.PROMISED
+    assert (a.slot, b.slot) == (0, 1), "nobody acts before the commit"
+    tell(b, a)
+    assert (a.slot, b.slot) == (1, 1), "the proposer acts first"
+    tell(a, b)
+    assert (a.slot, b.slot) == (1, 0)
+    assert (a.counts.proposed, a.counts.committed, b.counts.accepted) == (1, 1, 1)
+    assert a.stance is b.stance is Stance.IDLE
+
+
+def test_the_unwilling_refuse_at_once() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    tell(a, b, willing=False)
+    tell(b, a)
+    assert a.stance is Stance.IDLE
+    assert a.counts.refused == 1
+    assert not a.ready(9), "a pause before the next try"
+    assert a.ready(10)
+
+
+def test_a_party_is_in_one_deal_at_a_time() -> None:
+    a, b, c = parties(3)
+    a.propose(1, tick=0)
+    c.propose(1, tick=0)
+    tell(a, b)
+    tell(c, b)
+    tell(b, a, c)
+    assert a.counts.committed == 1
+    assert c.counts.refused == 1
+
+
+@pytest.mark.parametrize("act", ["propose", "vacate"])
+@pytest.mark.parametrize("stance", ["proposing", "promised", "amnesiac", "with itself", "with nobody"])
+def test_an_illegal_event_raises_and_changes_nothing(stance: str, act: str) -> None:
+    a, b, _ = parties(3)
+    other = {"with itself": 0, "with nobody": 3}.get(stance, 2)
+    if stance == "proposing":
+        a.propose(1, tick=0)
+    elif stance == "promised":
+        b.propose(0, tick=0)
+        tell(b, a)
+    elif stance == "amnesiac":
+        a = SlotParty(0, range(3), RULES, nonce=1, amnesiac=True)
+    before = a.mind()
+    with pytest.raises(IllegalSwap):
+        getattr(a, act)(other, tick=0)
+    assert a.mind() == before
+
+
+def test_both_cool_down_after_a_commit() -> None:
+    a, b, c = parties(3)
+    a.propose(1, tick=0)
+    tell(a, b)
+    tell(b, a)
+    tell(a, b, c)
+    for party in (a, b):
+        assert not party.ready(99)
+        assert party.ready(100)
+        with pytest.raises(IllegalSwap, match="until tick 100"):
+            party.propose(2, tick=99)
+    c.propose(0, tick=50)
+    tell(c, a, tick=50)
+    tell(a, c, tick=50)
+    assert c.counts.refused == 1
+
+
+def test_unlike_views_of_the_slots_are_refused() -> None:
+    a, b, c = parties(3)
+    c.vacate(1, tick=0)  # a has not heard of it
+    tell(c, b)
+    a.propose(1, tick=0)
+    tell(a, b)
+    assert b.stance is Stance.IDLE
+    tell(b, a)
+    assert a.stance is Stance.IDLE
+    assert a.counts.withdrawn + a.counts.refused == 1
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_two_crossing_proposals_the_higher_ids_stands(first: int) -> None:
+    swarm = parties(2)
+    swarm[0].propose(1, tick=0)
+    swarm[1].propose(0, tick=0)
+    notes = [party.note(0) for party in swarm]
+    for listener in (first, 1 - first):
+        swarm[listener].hear(notes[1 - listener], 1 - listener, 0)
+    rounds(swarm, 2)
+    assert [party.slot for party in swarm] == [1, 0]
+    assert [party.counts.committed for party in swarm] == [0, 1]
+    assert swarm[0].counts.withdrawn == 1
+    assert swarm[0].book.count == 1, "one swap, not two"
+
+
+def test_a_proposal_times_out_and_a_stale_acceptance_commits_nothing() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    tell(a, b)
+    stale = b.note(0)
+    a.advance(49)
+    assert a.stance is Stance.PROPOSING
+    a.advance(50)
+    assert a.stance is Stance.IDLE
+    a.propose(1, tick=60)
+    a.hear(stale, 1, 60)
+    assert a.stance is Stance.PROPOSING
+    assert a.slot == 0
+
+
+def test_an_acceptance_that_comes_too_late_sets_the_promised_free() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    tell(a, b)
+    a.advance(50)
+    tell(b, a, tick=51)
+    tell(a, b, tick=52)
+    assert b.stance is Stance.IDLE
+    assert (a.slot, b.slot) == (0, 1)
+
+
+def test_a_time_out_counts_though_nobody_told_the_party_the_time() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    tell(a, b)
+    tell(b, a, tick=50)
+    assert a.slot == 0
+
+
+def test_a_promise_times_out() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    tell(a, b)
+    b.advance(99)
+    assert b.stance is Stance.PROMISED
+    b.advance(100)
+    assert b.stance is Stance.IDLE
+    assert b.counts.timed_out == 1
+
+
+def test_a_doubled_or_late_proposal_is_no_second_one() -> None:
+    a, b = parties(2)
+    a.propose(1, tick=0)
+    proposal = a.note(0)
+    b.hear(proposal, 0, 0)
+    b.hear(proposal, 0, 0)
+    assert b.counts.accepted == 1
+    tell(b, a)
+    tell(a, b)
+    b.hear(proposal, 0, 200)  # much later: the slots have changed hands
+    assert b.stance is Stance.IDLE
+
+
+def test_the_swap_itself_proves_the_commit_whoever_brings_it() -> None:
+    a, b, c = parties(3)
+    a.propose(1, tick=0)
+    tell(a, b)
+    tell(b, a)
+    tell(a, c)
+    tell(c, b)
+    assert b.slot == 0
+    assert b.stance is Stance.IDLE
+
+
+def test_a_proposal_is_dropped_when_another_swap_overtakes_it() -> None:
+    a, _, c = parties(3)
+    a.propose(1, tick=0)
+    c.vacate(1, tick=0)
+    tell(c, a)
+    assert a.stance is Stance.IDLE
+    assert a.counts.withdrawn == 1
+
+
+def test_a_promise_is_let_go_when_another_swap_overtakes_it() -> None:
+    a, b, c = parties(3)
+    a.propose(1, tick=0)
+    tell(a, b)
+    c.vacate(0, tick=0)
+    tell(c, b)
+    assert b.stance is Stance.IDLE
+    assert tell(b, a).refusals == (Refusal(0, 1),)
+
+
+def test_a_swap_counts_more_than_all_that_either_party_knows() -> None:
+    """c has missed that a and b swapped and swapped back: it sees the same slots as a, but a knows more."""
+    a, b, c = parties(3, SwapRules(cooldown_ticks=0))
+    for proposer, partner in ((a, b), (b, a)):
+        proposer.propose(partner.me, tick=0)
+        tell(proposer, partner)
+        tell(partner, proposer)
+        tell(proposer, partner)
+    for _ in range(10):
+        tell(a, b)  # until a no longer repeats its swaps
+    c.propose(0, tick=0)
+    tell(c, a)
+    acceptance = a.note(0)._replace(ops=(), mark=None)
+    c.hear(acceptance, 0, 0)
+    assert c.book.open[-1].counter == 3
+    rounds([a, b, c], 2)
+    assert c.counts.undone == 0
+    assert (a.slot, b.slot, c.slot) == (2, 1, 0)
+
+
+# Closing ranks
+
+
+def test_a_dead_agents_slot_is_taken_at_once() -> None:
+    a, b, c = parties(3)
+    b.vacate(0, tick=0)
+    assert b.slot == 0
+    tell(b, c)
+    c.vacate(0, tick=1)
+    assert c.slot == 1
+    tell(c, a)
+    tell(b, a)
+    assert a.slot == 2, "back again, the dead one finds itself in the leaf"
+
+
+def test_if_two_take_one_slot_the_order_decides_and_the_undone_is_counted() -> None:
+    _, b, c, d = parties(4)
+    b.vacate(0, tick=0)
+    c.vacate(0, tick=0)
+    rounds([b, c, d], 3)
+    assert {party.slot_of for party in (b, c, d)} == {(1, 0, 2, 3)}
+    assert (b.counts.undone, c.counts.undone) == (0, 1)
+
+
+# Gossip
+
+
+def test_the_quiet_cost_eleven_bytes_and_hear_nothing_new() -> None:
+    a, b = parties(2)
+    note = tell(a, b)
+    assert note.quiet
+    assert note.settled
+    assert len(msgpack.packb(encode(note))) <= 11
+    assert a.quiet
+    before = b.mind()
+    tell(a, b)
+    assert b.mind() == before
+    assert a.note(5) is a.note(6)
+
+
+def test_who_missed_a_swap_is_told_after_one_exchange() -> None:
+    a, b, c = parties(3)
+    a.vacate(1, tick=0)
+    for _ in range(9):
+        tell(a, b)
+    assert not a.note(0).ops, "told often enough"
+    tell(c, a)
+    tell(a, c)
+    assert c.slot_of == a.slot_of
+
+
+def test_a_merge_of_many_swaps_is_bounded_per_frame() -> None:
+    rules = SwapRules(repair_per_frame=2, cooldown_ticks=0, acks_per_frame=0)
+    a, b, *_ = parties(8, rules)
+    for _ in range(4):
+        for other in (2, 3, 4):
+            a.vacate(other, tick=0)
+    frames = 0
+    while b.digest != a.digest:
+        tell(b, a)
+        assert len(tell(a, b).ops) <= 2
+        frames += 1
+    assert frames <= 6 + 1
+    assert b.slot_of == a.slot_of
+
+
+def test_what_all_know_is_folded_and_all_fall_quiet() -> None:
+    swarm = parties(6)
+    swarm[0].vacate(5, tick=0)
+    rounds(swarm, 8)
+    assert all(party.quiet for party in swarm)
+    assert {(party.book.count, party.book.open) for party in swarm} == {(1, ())}
+
+
+def test_one_who_does_not_answer_stalls_folding_and_costs_little() -> None:
+    swarm = parties(6)
+    swarm[0].vacate(5, tick=0)
+    rounds(swarm[:5], 60)
+    assert all(party.book.open for party in swarm[:5])
+    loud = sum(not tell(party, tick=tick).quiet for tick in range(1000, 1100) for party in swarm[:5])
+    assert loud <= 5 * 2 + 5, "one frame in fifty"
+    rounds(swarm, 12, tick=2000)
+    assert all(party.quiet for party in swarm), "back again, it is no longer waited for"
+
+
+def test_acknowledgements_that_were_all_lost_are_said_again() -> None:
+    swarm = parties(3)
+    swarm[0].vacate(2, tick=0)
+    for _ in range(20):
+        for speaker in swarm:
+            note = speaker.note(0)._replace(acks=())
+            for party in swarm:
+                party.hear(note, speaker.me, 0)
+    assert all(party.book.open for party in swarm)
+    rounds(swarm, 6, tick=50)
+    assert all(party.quiet for party in swarm)
+
+
+def test_memory_is_bounded_though_one_is_dead() -> None:
+    rules = SwapRules(open_max=8, cooldown_ticks=0)
+    a, b, c = parties(3, rules)
+    for _ in range(20):
+        a.vacate(2, tick=0)
+        tell(a, b)
+        assert max(len(a.book.open), len(b.book.open)) <= 8
+    assert a.counts.forced > 0
+    rounds([a, b, c], 8)
+    assert len({(p.slot_of, p.digest) for p in (a, b, c)}) == 1
+    assert c.counts.adopted == 1, "what it missed is folded; the checkpoint tells it"
+
+
+def test_the_larger_checkpoint_prevails_when_two_halves_folded_apart() -> None:
+    rules = SwapRules(open_max=4, cooldown_ticks=0)
+    a, b, c, d = parties(4, rules)
+    for _ in range(9):
+        a.vacate(1, tick=0)
+        tell(a, b)
+    for _ in range(6):
+        c.vacate(3, tick=0)
+        tell(c, d)
+    rounds([a, b, c, d], 8)
+    assert len({(p.slot_of, p.digest) for p in (a, b, c, d)}) == 1
+    assert (a.counts.adopted, c.counts.adopted) == (0, 1)
+
+
+# Restart
+
+
+def test_an_amnesiac_joins_by_a_neighbours_checkpoint() -> None:
+    swarm = parties(3)
+    swarm[0].vacate(2, tick=0)
+    rounds(swarm, 8)
+    swarm[1].vacate(2, tick=0)  # folded and open swaps both
+    again = SlotParty(0, range(3), RULES, nonce=1, amnesiac=True)
+    assert not again.quiet
+    tell(again, swarm[1])
+    tell(swarm[1], again)
+    assert again.stance is Stance.IDLE
+    assert again.slot_of == swarm[1].slot_of
+
+
+def test_an_amnesiac_agrees_to_nothing() -> None:
+    a, _ = parties(2)
+    b = SlotParty(1, range(2), RULES, nonce=1, amnesiac=True)
+    a.propose(1, tick=0)
+    tell(a, b)
+    tell(b, a)
+    assert (a.counts.refused, b.counts.accepted) == (1, 0)
+
+
+def test_amnesiacs_cannot_teach_each_other() -> None:
+    pair = [SlotParty(agent, range(2), RULES, nonce=1, amnesiac=True) for agent in range(2)]
+    rounds(pair, 5)
+    assert {party.stance for party in pair} == {Stance.AMNESIAC}
+
+
+def test_an_amnesiac_is_not_made_sure_by_another() -> None:
+    a, *_ = parties(3)
+    pair = [SlotParty(agent, range(3), RULES, nonce=1, amnesiac=True) for agent in (1, 2)]
+    tell(pair[0], a)
+    a.vacate(1, tick=0)
+    checkpoint = a.note(0)._replace(ops=())  # the swap itself did not fit in
+    for party in pair:
+        party.hear(checkpoint, 0, 0)
+    rounds(pair, 3)
+    assert {party.stance for party in pair} == {Stance.AMNESIAC}
+
+
+def test_a_restarted_agent_never_reuses_a_name() -> None:
+    a, b = parties(2)
+    a.vacate(1, tick=0)  # and dies before anybody hears of it
+    again = SlotParty(0, range(2), RULES, nonce=1, amnesiac=True)
+    rounds([again, b], 3)
+    again.vacate(1, tick=0)
+    first, second = a.book.open[0], again.book.open[0]
+    assert first.counter == second.counter
+    assert first[:3] != second[:3]
+
+
+# Notes from the air
+
+FULL = SlotNote(
+    digest=2**64 - 1,
+    settled=False,
+    amnesiac=True,
+    proposal=Proposal(1, 7, 0, 1),
+    acceptance=Acceptance(2, 9, 4),
+    refusals=(Refusal(1, 3),),
+    mark=Mark(2, 5),
+    ops=(Swap(3, 0, 1, 0, 0, 1, 1),),
+    acks=(Ack(1, 0, 2, 3, 2**32 - 1),),
+    checkpoint=Checkpoint((2, 0, 1), 6, clock=1, size=1),
+)
+
+
+@pytest.mark.parametrize("note", [FULL, SlotNote(5, True), SlotNote(5, False)])
+def test_notes_survive_the_air(note: SlotNote) -> None:
+    assert decode(msgpack.unpackb(msgpack.packb(encode(note))), 3) == note
+
+
+WRONG: list[tuple[int, Any]] = [
+    (0, -1),
+    (0, 2**64),
+    (0, 1.0),
+    (0, True),
+    (1, 2),
+    (1, None),
+    (2, 2),
+    (3, [1, 7, 0]),
+    (3, [3, 7, 0, 1]),
+    (3, [1, 7, 1, 1]),
+    (3, "abcd"),
+    (3, [1, True, 0, 1]),
+    (4, [3, 9, 4]),
+    (4, [2, 9]),
+    (5, None),
+    (5, [[1, 3]] * 9),
+    (6, [2, -5]),
+    (7, [[0, 0, 1, 0, 0, 1, 1]]),
+    (7, [[3, 0, 1, 0, 0, 0, 1]]),
+    (7, [[3, 0, 1, 0, 0, 3, 1]]),
+    (7, [[3, 0, 1, 0, 0, 1, 1]] * 17),
+    (7, [[2**48, 0, 1, 0, 0, 1, 1]]),
+    (8, [[1, 0, 2, 3, 2**32]]),
+    (8, [[1, 0, 2, 3, 4]] * 17),
+    (9, []),
+    (9, [b"\0\0\1", 6, 1, 1]),
+    (9, [b"\0\1", 6, 1, 1]),
+    (9, [[0, 1, 2], 6, 1, 1]),
+    (9, [b"\0\1\2", 6, 1]),
+]
+
+
+@pytest.mark.parametrize(("field", "value"), WRONG)
+def test_a_malformed_field_is_an_error(field: int, value: object) -> None:
+    fields = list(encode(FULL))
+    fields[field] = value
+    with pytest.raises(ValueError, match=r"."):
+        decode(fields, 3)
+
+
+@pytest.mark.parametrize("wrong", [None, 5, b"ab", "ab", {}, [], [1], [1, 1, 1], [[], []]])
+def test_a_malformed_note_is_an_error(wrong: object) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        decode(wrong, 3)
+
+
+def test_a_copy_goes_its_own_way() -> None:
+    a, _ = parties(2)
+    twin = copy(a)
+    twin.vacate(1, tick=0)
+    assert (a.slot, a.counts.vacated, a.book.count) == (0, 0, 0)
+    assert twin.slot == 1
+
+
+def test_rules_that_cannot_work_are_rejected() -> None:
+    for wrong in ({"repair_per_frame": 0}, {"repair_per_frame": 17}, {"acks_per_frame": 1}, {"open_max": 1}):
+        with pytest.raises(ValueError, match=r"note holds|at least"):
+            SwapRules(**wrong)
+
+
+# The plain rule
+
+
+def versioned(n: int) -> list[Any]:
+    return [VersionedParty(agent, range(n), RULES) for agent in range(n)]
+
+
+def test_the_highest_version_spreads_and_falls_quiet() -> None:
+    swarm = versioned(4)
+    swarm[0].propose(1, tick=0)
+    assert not swarm[0].ready(99)
+    rounds(swarm, 1)
+    assert {party.slot_of for party in swarm} == {(1, 0, 2, 3)}
+    rounds(swarm, 6)
+    assert all(party.quiet and party.note(9).quiet for party in swarm)
+
+
+def test_of_two_far_swaps_the_highest_version_loses_one() -> None:
+    swarm = versioned(4)
+    swarm[0].propose(1, tick=0)
+    swarm[2].propose(3, tick=0)
+    rounds(swarm, 3)
+    assert {party.slot_of for party in swarm} == {(0, 1, 3, 2)}
+    assert swarm[0].counts.undone == 1
+
+
+def test_a_versioned_amnesiac_joins() -> None:
+    swarm = versioned(3)
+    swarm[0].propose(1, tick=0)
+    rounds(swarm, 6)
+    swarm[2] = VersionedParty(2, range(3), RULES, nonce=1, amnesiac=True)
+    with pytest.raises(IllegalSwap):
+        swarm[2].propose(0, tick=0)
+    rounds(swarm, 2)
+    assert swarm[2].stance is Stance.IDLE
+    assert swarm[2].slot_of == (1, 0, 2)

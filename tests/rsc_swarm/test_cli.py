@@ -1,0 +1,232 @@
+"""The command line: exit codes, one-line errors, what goes to which stream, and a quick start."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rsc_swarm import cli
+from rsc_swarm.report import FlightReport
+
+COMMAND = [sys.executable, "-m", "rsc_swarm.cli"]
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command in this process; returns exit code, stdout and stderr."""
+
+    def run_it(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["rsc-swarm", *arguments])
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        said = capsys.readouterr()
+        return int(left.value.code or 0), said.out, said.err
+
+    return run_it
+
+
+def test_a_successful_flight_exits_with_0_and_tells_it_on_stdout(run):
+    code, out, err = run("simulate", "--agents", "1", "--set", "start.radius_m=0")
+    assert code == 0
+    assert out.startswith("SUCCESS: the agent in formation")
+    assert out.splitlines()[-1] == "Fly it again:  rsc-swarm simulate --agents 1 --set start.radius_m=0"
+    assert err.splitlines()[1].startswith("t   2.00 s")
+
+
+def test_a_failed_flight_exits_with_1(run):
+    code, out, _ = run("simulate", "--agents", "4", "--set", "time_limit_s=0.3")
+    assert code == 1
+    assert out.startswith("FAILED (late): not in formation beyond the goal line within 0.30 s")
+
+
+def test_json_on_stdout_is_nothing_but_json(run):
+    code, out, err = run("simulate", "--agents", "4", "--set", "time_limit_s=0.3", "--json", "-")
+    assert code == 1
+    assert FlightReport.model_validate_json(out).failure == "late"
+    assert "FAILED (late)" in err
+
+
+def test_a_run_directory_and_a_json_file_tell_the_same(run, tmp_path):
+    flight, file = tmp_path / "flight", tmp_path / "report.json"
+    arguments = ("--agents", "4", "--set", "time_limit_s=0.3", "--json", str(file), "--run-dir", str(flight))
+    assert run("simulate", *arguments)[0] == 1
+    assert json.loads(file.read_text()) == json.loads((flight / "report.json").read_text())
+    code, out, _ = run("simulate", "--mission", str(flight / "mission.yaml"))
+    assert code == 1
+    assert json.loads(file.read_text())["digest"] in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ("simulate --agents 0", "--agents: input should be greater than or equal to 1, not 0"),
+        ("simulate --bogus", "no such option: --bogus"),
+        ("simulate --swap foo", "invalid value for '--swap'"),
+        ("simulate --policy none", "policy: unknown policy 'none'; known: "),
+        ("simulate --mission nowhere", "--mission nowhere: no such file; shipped missions are"),
+        ("simulate --json /nowhere/x.json", "--json /nowhere/x.json: give a file in a directory that exists"),
+        ("simulate --run-dir /proc/flight", "--run-dir /proc/flight: cannot be written"),
+        ("evaluate --map 3", "--map and --seed: evaluate chooses the seeds"),
+        ("evaluate --workers 0", "--workers: give at least 1, not 0"),
+        (
+            "mission --set start.radius_m=0 --set start.gap_m=99",
+            "agent 0 finds no free place within start.radius_m",
+        ),
+        (
+            "agent --agent 0 --connect tcp/localhost:1 --credentials /nowhere",
+            "invalid value for '--credentials'",
+        ),
+        ("world", "missing option '--listen'"),
+        ("nonsense", "no such command 'nonsense'"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(run, arguments, line):
+    code, out, err = run(*arguments.split())
+    assert code == 2, err
+    assert out == ""
+    assert err.count("\n") == 1, err
+    assert err.startswith(f"rsc-swarm: {line}")
+
+
+def test_even_a_bug_is_one_line_and_exit_code_3(run, monkeypatch):
+    def broken(*_: object) -> int:
+        raise ZeroDivisionError("division by\nzero")
+
+    monkeypatch.setattr("rsc_swarm.fly_command.simulate", broken)
+    code, _, err = run("simulate")
+    assert code == 3
+    assert err.startswith(
+        "rsc-swarm: unexpected ZeroDivisionError: division by zero (set RSC_SWARM_TRACEBACK=1"
+    )
+    assert err.count("\n") == 1
+
+
+def test_a_broken_run_is_exit_code_3(run, monkeypatch):
+    class RunBroken(RuntimeError):
+        pass
+
+    def broken(*_: object) -> int:
+        raise RunBroken("agent 3 ended before the flight began")
+
+    monkeypatch.setattr("rsc_swarm.fly_command.launch", broken)
+    code, _, err = run("launch")
+    assert (code, err) == (3, "rsc-swarm: agent 3 ended before the flight began\n")
+
+
+def test_the_mission_command_prints_what_would_be_flown(run, tmp_path):
+    code, out, _ = run("mission", "--mission", "dense", "--agents", "9")
+    assert code == 0
+    file = tmp_path / "printed.yaml"
+    file.write_text(out)
+    assert run("mission", "--mission", str(file))[1] == out
+    assert (
+        run("mission", "--mission", str(file), "--check")[1]
+        == f"{file}: can be flown by 9 agents, formation square\n"
+    )
+    assert "dense            A dense field" in run("mission", "--list")[1]
+
+
+def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
+    file = tmp_path / "row.json"
+    arguments = (
+        "--agents",
+        "4",
+        "--set",
+        "time_limit_s=0.3",
+        "--maps",
+        "2",
+        "--starts",
+        "2",
+        "--json",
+        str(file),
+    )
+    code, out, _ = run("evaluate", *arguments)
+    assert code == 0
+    assert "| plain | 4 | analytic | 4 | 0.0 | 0.0-49.0 | 0.0 | 100.0 | - |" in out
+    assert (
+        "rsc-swarm simulate --agents 4 --set time_limit_s=0.3 --map 1 --seed 1001   # late: not in formation"
+        in out
+    )
+    assert [failed["seed"] for failed in json.loads(file.read_text())["failures"]] == [0, 1, 1000, 1001]
+    again = ["--agents", "4", "--set", "time_limit_s=0.3", "--map", "1", "--seed", "1001"]
+    assert run("simulate", *again)[0] == 1
+
+
+def test_help_and_version_answer_without_loading_anything_heavy():
+    heavy = "{'numba', 'numpy', 'pydantic', 'matplotlib', 'zenoh', 'yaml'}"
+    code = f"import sys; import rsc_swarm.cli; sys.exit(str({heavy} & set(sys.modules) or ''))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr == ""
+    said = subprocess.run(
+        [*COMMAND, "simulate", "--help"], capture_output=True, text=True, env={**os.environ, "NO_COLOR": "1"}
+    )
+    assert said.returncode == 0
+    assert "rsc-swarm simulate --agents 36 --map 8" in said.stdout
+    assert subprocess.run([*COMMAND, "--version"], capture_output=True, text=True).stdout.startswith(
+        "rsc-swarm "
+    )
+
+
+def test_ctrl_c_stops_a_flight_cleanly_and_says_what_was_reached(tmp_path):
+    arguments = ["simulate", "--agents", "4", "--clock", "realtime", "--run-dir", str(tmp_path / "run")]
+    process = subprocess.Popen(
+        [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    first = process.stderr.readline()
+    while not first.startswith("t "):  # it may say first that it compiles
+        first = process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1].startswith("stopped at t ")
+    assert (tmp_path / "run" / "trajectory.npz").is_file()
+
+
+def test_on_a_terminal_there_is_a_live_view_and_no_color_is_respected():
+    main, inner = pty.openpty()
+    environment = {**os.environ, "NO_COLOR": "1", "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "40"}
+    arguments = [*COMMAND, "simulate", "--agents", "4", "--set", "time_limit_s=1"]
+    with subprocess.Popen(arguments, stdout=inner, stderr=inner, env=environment) as process:
+        os.close(inner)
+        text = _read_all(main)
+    assert process.returncode == 1
+    assert "agent slot" in text
+    assert "FAILED (late)" in text
+    assert "\x1b[31m" not in text
+    assert "\x1b[1;31m" not in text
+
+
+def _read_all(descriptor: int) -> str:
+    data, deadline = b"", time.monotonic() + 60
+    while time.monotonic() < deadline:
+        try:
+            piece = os.read(descriptor, 65536)
+        except OSError:  # the other side is closed
+            break
+        if not piece:
+            break
+        data += piece
+    os.close(descriptor)
+    return data.decode()
+
+
+def test_the_help_of_every_command_fits_the_terminal():
+    for name in ("simulate", "launch", "evaluate", "plot", "mission", "world", "agent", "bench", "schema"):
+        environment = {**os.environ, "COLUMNS": "80", "NO_COLOR": "1"}
+        said = subprocess.run([*COMMAND, name, "--help"], capture_output=True, text=True, env=environment)
+        assert said.returncode == 0, name
+        assert max(len(line) for line in said.stdout.splitlines()) <= 80
+
+
+def test_nothing_is_written_where_nothing_was_asked(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run("simulate", "--agents", "1", "--set", "time_limit_s=0.1")
+    run("evaluate", "--agents", "1", "--set", "time_limit_s=0.1", "--maps", "1", "--starts", "1")
+    assert list(Path().iterdir()) == []

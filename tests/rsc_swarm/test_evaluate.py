@@ -1,0 +1,174 @@
+"""Many flights: the right seeds, honest figures, and nothing lost when it is stopped."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from protocols.mission import Mission, MissionError
+from rsc_swarm import crew
+from rsc_swarm.crew import CrewError, Flight, fly_all, fly_batch
+from rsc_swarm.evaluate import Evaluation, Watcher, evaluate, journal_path, seeds_of, summarise, wilson
+from rsc_swarm.evaluate_command import render
+from rsc_swarm.journal import Journal, JournalError, fingerprint
+from rsc_swarm.render import plain
+from rsc_swarm.simulate import simulate
+from world.field import FieldError
+
+SHORT = Mission(agents=4, time_limit_s=0.5)
+SEEDS = seeds_of(1_000_000, 3, 2)
+
+
+class Stopping(Watcher):
+    """Presses Ctrl-C after so many flights."""
+
+    def __init__(self, after: int) -> None:
+        self.after, self.flown, self.known = after, 0, -1
+
+    def begin(self, known: list[Flight], missing: int) -> None:
+        self.known = len(known)
+
+    def flight(self, flight: Flight) -> None:
+        self.flown += 1
+        if self.flown == self.after:
+            raise KeyboardInterrupt
+
+
+def test_the_seeds_of_a_run_can_be_told_without_flying_it():
+    assert seeds_of(5, 2, 3) == [(5, 5000), (5, 5001), (5, 5002), (6, 6000), (6, 6001), (6, 6002)]
+    assert len(set(seeds_of(0, 200, 3))) == 600
+
+
+@pytest.mark.parametrize(
+    ("base", "maps", "starts", "complaint"),
+    [
+        (0, 0, 1, "--maps: give at least 1"),
+        (0, 1, 1001, "--starts: give 1 to 1000"),
+        (4_294_967, 1, 1, "--seed-base: map seeds end at 4294966"),
+        (-1, 1, 1, "--seed-base"),
+    ],
+)
+def test_seeds_that_do_not_exist_are_refused(base, maps, starts, complaint):
+    with pytest.raises(MissionError, match=complaint):
+        seeds_of(base, maps, starts)
+
+
+def test_the_wilson_interval_is_the_textbooks():
+    assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert wilson(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)
+    assert wilson(600, 600) == pytest.approx((0.99364, 1.0), abs=1e-5)
+
+
+def test_a_flight_of_a_batch_is_the_flight_alone():
+    mission = Mission(agents=9, start={"scrambled": True}, time_limit_s=2.0)
+    batch = {flight.seed: flight for flight in fly_batch(mission, SEEDS) if isinstance(flight, Flight)}
+    assert len(batch) == len(SEEDS)
+    for map_seed, seed in SEEDS[:3]:
+        alone = simulate([mission.model_copy(update={"map_seed": map_seed, "seed": seed})])
+        assert batch[seed].outcome == alone[0]
+    assert sum(flight.swaps["committed"] for flight in batch.values()) > 0
+
+
+def test_workers_fly_every_seed_once_and_alike(tmp_path):
+    one, two = evaluate(SHORT, SEEDS, workers=1), evaluate(SHORT, SEEDS, workers=2)
+    assert [(flight.map_seed, flight.seed) for flight in one] == SEEDS
+    assert one == two
+
+
+def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, monkeypatch):
+    monkeypatch.setattr(crew, "_ROWS", 4)  # one flight per batch
+    path = tmp_path / "journal.jsonl"
+    stopped, resumed = Stopping(after=3), Stopping(after=-1)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(SHORT, SEEDS, 2, path, stopped)
+    with path.open("a") as file:
+        file.write('{"map_seed": 1000002, "se')  # cut off in mid-line
+    flights = evaluate(SHORT, SEEDS, 2, path, resumed)
+    assert (resumed.known, resumed.flown) == (3, 3)
+    assert flights == evaluate(SHORT, SEEDS, 1)
+    assert evaluate(SHORT, SEEDS, 2, path, Stopping(after=1)) == flights  # nothing was left to fly
+
+
+def test_a_journal_is_named_after_all_that_decides_a_flight(tmp_path):
+    path = journal_path(tmp_path / "table.json", fingerprint(SHORT))
+    assert path.parent == tmp_path
+    assert path.name.startswith("table.")
+    same = SHORT.model_copy(update={"map_seed": 7, "seed": 8, "name": "renamed"})
+    other = SHORT.model_copy(update={"aim": "chain"})
+    assert journal_path(tmp_path / "table.json", fingerprint(same)) == path
+    assert journal_path(tmp_path / "table.json", fingerprint(other)) != path
+
+
+def test_a_policy_from_elsewhere_decides_too(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    source = tmp_path / "my_policy.py"
+    source.write_text(
+        "class Mine:\n"
+        "    def __init__(self, mission): pass\n"
+        "    def act(self, seen): return seen.slot_error\n"
+    )
+    mission = SHORT.model_copy(update={"policy": "my_policy:Mine"})
+    before = fingerprint(mission)
+    source.write_text(source.read_text() + "# tuned\n")
+    assert fingerprint(mission) != before
+
+
+def test_two_evaluations_do_not_write_one_journal(tmp_path):
+    with (
+        Journal(tmp_path / "j.jsonl"),
+        pytest.raises(JournalError, match="another evaluation is writing here"),
+    ):
+        Journal(tmp_path / "j.jsonl")
+
+
+def test_a_dead_worker_is_an_error_and_not_a_silence(monkeypatch):
+    def die(mission: Mission, seeds: object) -> object:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    monkeypatch.setattr(crew, "fly_batch", die)
+    with pytest.raises(CrewError, match="worker 0 died"):
+        list(fly_all(SHORT, SEEDS, 1))
+
+
+def test_a_map_without_room_is_named():
+    around_the_start = {"count": (0, 3), "x_m": (-4, 4), "y_m": (-4, 4)}
+    mission = Mission(agents=1, start={"radius_m": 0.0}, obstacles=around_the_start, time_limit_s=0.1)
+    assert len(evaluate(mission, [(2, 2000)], 1)) == 1
+    with pytest.raises(FieldError, match="map 0, seed 0: agent 0 finds no free place"):
+        list(fly_all(mission, [(2, 2000), (0, 0)], 1))
+
+
+def test_the_figures_add_up():
+    flights = evaluate(SHORT, SEEDS, 2)
+    result = summarise(SHORT, flights, 2, "code")
+    assert (result.runs, result.success_rate, result.collision_rate, result.noncollision_rate) == (6, 0, 0, 1)
+    assert result.tau_mean_s is None
+    assert result.held_rate is None
+    assert result.maps == (1_000_000, 1_000_002)
+    assert [(failed.map, failed.seed) for failed in result.failures] == SEEDS
+    assert result.failures[0].detail.startswith("not in formation beyond the goal line within 0.50 s")
+    assert Evaluation.model_validate_json(result.model_dump_json()) == result
+    assert json.loads(result.model_dump_json())["swaps_per_flight"]["committed"] >= 0
+
+
+def test_success_is_measured_over_successes():
+    mission = Mission(agents=1, hold_s=0.5, start={"radius_m": 1.0})
+    flights = evaluate(mission, seeds_of(0, 4, 1), 2)
+    result = summarise(mission, flights, 1, "code")
+    assert result.success_rate == result.held_rate == 1
+    assert result.tau_mean_s == pytest.approx(sum(flight.outcome.tau_s or 0 for flight in flights) / 4)
+    assert result.min_distance_m == min(flight.outcome.min_distance_m for flight in flights)
+    row = plain(render(result)).splitlines()
+    assert row[0].startswith("| mission | N | policy | runs | S % |")
+    assert row[2].startswith("| plain | 1 | analytic | 4 | 100.0 | 51.0-100.0 | 0.0 | 0.0 |")
+    assert row[0].endswith("| held % |")
+
+
+def test_the_journal_is_plain_text(tmp_path):
+    path = Path(tmp_path / "j.jsonl")
+    evaluate(SHORT, SEEDS[:2], 1, path)
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [(line["map_seed"], line["seed"]) for line in lines] == SEEDS[:2]
+    assert lines[0]["outcome"]["failure"] == "late"

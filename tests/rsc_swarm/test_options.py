@@ -1,0 +1,108 @@
+"""How command-line options, mission files and defaults become one mission."""
+
+from pathlib import Path
+
+import pytest
+
+from protocols.mission import Mission, MissionError
+from rsc_swarm.mission_command import about
+from rsc_swarm.options import (
+    SHIPPED,
+    Formation,
+    MissionOptions,
+    Swap,
+    command_line,
+    resolve,
+    shipped_missions,
+)
+from rsc_swarm.rundir import mission_yaml
+from world.field import draw_obstacles, draw_start
+
+
+def test_without_options_the_standard_task_is_flown():
+    assert resolve(MissionOptions()) == Mission()
+
+
+def test_an_option_overrides_the_file_and_the_file_the_default(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("agents: 9\nradio: {loss: 0.1, delay_ms: 30}\n")
+    mission = resolve(MissionOptions(mission=str(file), loss=0.4, swap=Swap.tree))
+    assert (mission.agents, mission.radio.loss, mission.radio.delay_ms) == (9, 0.4, 30)
+    assert mission.swap.rule == "tree"
+    assert mission.radio.range_m == 6.0
+
+
+def test_every_option_reaches_its_field():
+    options = MissionOptions(
+        agents=6, formation=Formation.vee, map=3, seed=4, policy="cruise", swap=Swap.off,
+        frame_rate=10, loss=0.1, burst=0.2, delay_ms=5, jitter_ms=6, duplicate=0.3, reorder=0.4,
+        set=["hold_s=2", "start.scrambled=true"],
+    )  # fmt: skip
+    mission = resolve(options)
+    radio = mission.radio
+    assert (mission.agents, mission.formation.shape, mission.map_seed, mission.seed) == (6, "vee", 3, 4)
+    assert (mission.policy, mission.swap.rule, mission.hold_s, mission.start.scrambled) == (
+        "cruise",
+        "off",
+        2,
+        True,
+    )
+    assert (radio.frame_rate_hz, radio.loss, radio.burst.loss) == (10, 0.1, 0.2)
+    assert (radio.delay_ms, radio.jitter_ms, radio.duplicate, radio.reorder) == (5, 6, 0.3, 0.4)
+
+
+def test_the_command_that_flies_it_again_names_what_was_asked_for():
+    options = MissionOptions(agents=9, loss=0.5, swap=Swap.off, set=["hold_s=2", "limits={speed_mps: 5}"])
+    assert command_line("simulate", options, map=7) == (
+        "rsc-swarm simulate --agents 9 --swap off --loss 0.5 --set hold_s=2 "
+        "--set 'limits={speed_mps: 5}' --map 7"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (MissionOptions(loss=2), "--loss: input should be less than or equal to 1, not 2"),
+        (MissionOptions(agents=7, formation=Formation.square), "--agents: a square needs 4, 9, 16"),
+        (MissionOptions(set=["radio.memori_s=1"]), "--set radio.memori_s: unknown field; known here: burst"),
+        (MissionOptions(set=["hold_s"]), "--set hold_s: write FIELD=VALUE"),
+        (MissionOptions(set=["hold_s=["]), "--set hold_s=[: the value is not valid YAML"),
+        (MissionOptions(set=["agents.x=1"]), "agents: input should be a valid integer"),
+        (MissionOptions(mission="nowhere"), "--mission nowhere: no such file; shipped missions are dense"),
+    ],
+)
+def test_a_wrong_option_is_named_with_what_would_be_right(options, complaint):
+    with pytest.raises(MissionError) as refused:
+        resolve(options)
+    assert str(refused.value).startswith(complaint)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_mistake_in_the_file_names_the_file(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("radio: 3\n")
+    with pytest.raises(MissionError, match=r"mine\.yaml: radio: input should be"):
+        resolve(MissionOptions(mission=str(file), loss=0.1))
+
+
+def test_a_file_goes_before_a_shipped_mission_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert resolve(MissionOptions(mission="dense")).obstacles.count == (12, 14)
+    Path("dense").write_text("agents: 4\n")
+    assert resolve(MissionOptions(mission="dense")).agents == 4
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_a_shipped_mission_can_be_flown_and_says_what_it_is(name):
+    mission = resolve(MissionOptions(mission=name))
+    assert mission.name == name
+    assert about(name).endswith(".")
+    assert len(draw_start(mission, draw_obstacles(mission))) == mission.agents
+
+
+def test_a_printed_mission_is_the_same_mission(tmp_path):
+    for name in shipped_missions():
+        mission = resolve(MissionOptions(mission=str(SHIPPED / f"{name}.yaml"), map=5))
+        file = tmp_path / "printed.yaml"
+        file.write_text(mission_yaml(mission))
+        assert resolve(MissionOptions(mission=str(file))) == mission

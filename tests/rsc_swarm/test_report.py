@@ -1,0 +1,123 @@
+"""What a flight's report says, to programs and to people."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from protocols.mission import Mission
+from rsc_swarm.flight import fly
+from rsc_swarm.render import plain, render
+from rsc_swarm.report import FlightReport, describe, describe_failure, report_of
+from rsc_swarm.report_schema import json_schema, markdown
+from world.core import Outcome
+
+SMALL = Mission(agents=4, map_seed=2)
+
+
+@pytest.fixture(scope="module")
+def report() -> FlightReport:
+    return report_of(fly(SMALL), SMALL, "simulate", "lockstep", "rsc-swarm simulate --agents 4 --map 2")
+
+
+def ended(failure: str | None = None, **changes: object) -> Outcome:
+    outcome = Outcome(
+        success=failure is None,
+        failure=failure,
+        ticks=731,
+        tau_s=7.31 if failure is None else None,
+        max_edge_error=0.05,
+        max_slot_error_m=1.25,
+        min_distance_m=0.42,
+        closest="agents 3 and 7 at x = 21.3 m, y = -3.0 m, t = 7.31 s",
+        held_after_success=None,
+        overlap_s=0.0,
+        lost_agents=(),
+        digest="00",
+    )
+    return dataclasses.replace(outcome, **changes)
+
+
+def test_a_report_survives_json(report):
+    assert FlightReport.model_validate_json(report.model_dump_json()) == report
+    assert json.loads(json_schema())["additionalProperties"] is False
+
+
+def test_it_adds_up(report):
+    frames = report.frames
+    assert report.success
+    assert report.tau_s == report.time_s == report.ticks / 100
+    assert frames.sent == 4 * report.ticks
+    assert 50 < frames.median_bytes < 300
+    assert frames.sent_bytes / frames.sent == pytest.approx(frames.median_bytes, rel=0.2)
+    assert sum(frames.dropped.model_dump().values()) == sum(frames.rejected.values()) == 0
+    assert report.watch.breach is None
+    assert report.mission["agents"] == 4
+
+
+def test_what_is_dropped_and_swapped_is_counted():
+    mission = Mission(agents=9, start={"scrambled": True}, radio={"loss": 0.3}, time_limit_s=3.0)
+    report = report_of(fly(mission), mission, "simulate", "lockstep", "")
+    assert report.failure == "late"
+    assert report.frames.dropped.loss > 0.2 * report.frames.delivered
+    assert report.swaps.committed > 0
+    assert report.swaps.proposed >= report.swaps.committed
+    text = plain(render(report))
+    assert "% lost (loss " in text
+    assert f"{report.swaps.committed} made of {report.swaps.proposed} proposed" in text
+
+
+def test_people_read_the_verdict_first_and_how_to_fly_it_again_last(report):
+    lines = plain(render(report)).splitlines()
+    assert lines[0] == (
+        "SUCCESS: all 4 agents in formation beyond the goal line and every obstacle "
+        f"after {report.tau_s:.2f} s."
+    )
+    assert lines[1].startswith("Closest: agent")
+    assert lines[-1] == "Fly it again:  rsc-swarm simulate --agents 4 --map 2"
+    assert not any(line.endswith(" ") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "sentence"),
+    [
+        (ended("collision"), "0.42 m between agents 3 and 7 at x = 21.3 m, y = -3.0 m, t = 7.31 s"),
+        (
+            ended("late", lost_agents=(2, 5, 9), max_edge_error=0.34),
+            "not in formation beyond the goal line within 7.31 s: worst edge error 34%, "
+            "worst slot error 1.2 m, lost agents 2, 5 and 9",
+        ),
+        (ended("all-lost"), "every agent was lost by t = 7.31 s"),
+        (ended("broken-invariant"), "an invariant of the slots broke at t = 7.31 s"),
+        (ended("interrupted"), "interrupted at t = 7.31 s: worst edge error 5%, worst slot error 1.2 m"),
+    ],
+)
+def test_a_failure_says_who_where_and_when(outcome, sentence):
+    assert describe_failure(outcome) == sentence
+
+
+def test_a_broken_invariant_is_told_in_the_words_of_the_watch():
+    assert (
+        describe_failure(ended("broken-invariant"), "permutation broken at tick 3")
+        == "permutation broken at tick 3"
+    )
+
+
+def test_a_success_says_who_is_missing_and_whether_it_held():
+    mission = Mission(agents=9, hold_s=2.0)
+    assert describe(ended(lost_agents=(3,), held_after_success=False), mission) == (
+        "the 8 agents left of 9 in formation beyond the goal line and every obstacle after 7.31 s "
+        "but did not hold it for 2 s more"
+    )
+
+
+def test_the_document_is_up_to_date():
+    document = Path(__file__).parents[2] / "docs" / "report.md"
+    assert document.read_text() == markdown(), "run: rsc-swarm schema --markdown > docs/report.md"
+
+
+def test_no_field_is_left_unexplained():
+    rows = [row for row in markdown().splitlines() if row.startswith("| `")]
+    assert len(rows) > 50
+    assert not [row for row in rows if row.endswith("|  |")]

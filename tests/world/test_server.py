@@ -1,0 +1,257 @@
+"""The world as a server: whatever drones say or leave unsaid, it flies on, and nobody else is moved by it."""
+
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+
+from agent.process import Drone
+from protocols import messages
+from protocols.mission import Mission, parse_mission
+from protocols.status import SWAP_COUNTS
+from rsc_swarm.simulate import simulate
+from tests.loopback import Loopback, fly
+from world import server
+from world.server import ServerError, WorldServer
+
+REPLY = messages.REPLY
+NAN, INF = float("nan"), float("inf")
+
+
+def mission(time_limit_s: float = 0.6, **fields: Any) -> Mission:
+    return parse_mission({"agents": 6, "time_limit_s": time_limit_s, "obstacles": {"count": [1, 1]}, **fields})
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _kernels_loaded() -> None:
+    fly(mission(time_limit_s=0.02))
+
+
+@pytest.fixture(autouse=True)
+def _little_patience(monkeypatch: pytest.MonkeyPatch, _kernels_loaded: None) -> None:
+    monkeypatch.setattr(server, "_ANSWER_S", 0.5)
+    monkeypatch.setattr(server, "_JOIN_S", 0.8)
+
+
+def test_drones_that_exchange_bytes_fly_the_flight_of_drones_that_share_rows() -> None:
+    task = mission(time_limit_s=21.0)
+    flown = fly(task)
+    assert flown.outcome.success
+    assert flown.outcome == simulate([task])[0]
+
+
+def test_the_figures_of_a_flight_are_told() -> None:
+    flown = fly(mission())
+    assert flown.outcome.ticks == 60
+    assert flown.tally["sent"] == 6 * 60
+    assert 50 < flown.median_frame_bytes < 250
+    assert sorted(flown.statuses) == list(range(6))
+    assert flown.watched.breach is None
+    assert flown.deadline_misses == 0
+
+
+def tampered(**parts: Any) -> list[Any]:
+    """The fields of a good REPLY of the drone that lies, some of them replaced."""
+    good = {"kind": REPLY, "tick": 0, "ax": 0.0, "ay": 0.0, "slot": 5, "frame": b"x", "status": None}
+    return list({**good, **parts}.values())
+
+
+GARBAGE = {
+    "nan-command": tampered(ax=NAN),
+    "infinite-command": tampered(ay=-INF),
+    "command-beyond-all-numbers": tampered(ax=1e308, ay=1e308),
+    "text-command": tampered(ax="fast"),
+    "list-command": tampered(ax=[1.0]),
+    "no-command": tampered(ax=None),
+    "slot-of-another-swarm": tampered(slot=6),
+    "negative-slot": tampered(slot=-1),
+    "half-a-slot": tampered(slot=1.5),
+    "no-slot": tampered(slot=None),
+    "future-tick": tampered(tick=1_000_000),
+    "endless-tick": tampered(tick=2**64 - 1),
+    "infinite-tick": tampered(tick=INF),
+    "nan-tick": tampered(tick=NAN),
+    "text-tick": tampered(tick="now"),
+    "frame-of-text": tampered(frame="not bytes"),
+    "frame-of-numbers": tampered(frame=[1, 2, 3]),
+    "status-of-text": tampered(status="fine"),
+    "status-of-another-version": tampered(status=[0, 0, [0], [0], 0, bytes(6)]),
+    "short-reply": [REPLY, 0, 0.0],
+    "long-reply": [*tampered(), 1, 2, 3],
+    "hello-of-another-version": [messages.HELLO, 99, ""],
+    "empty-hello": [messages.HELLO],
+    "welcome": [messages.WELCOME, {}, b"", 0],
+    "unknown-kind": [77],
+    "no-list": "hello",
+    "map": {1: 2},
+}
+
+
+@pytest.mark.parametrize("rubbish", GARBAGE.values(), ids=GARBAGE.keys())
+def test_rubbish_beside_its_answers_changes_nothing(rubbish: Any) -> None:
+    data = msgpack.packb(rubbish)
+    if isinstance(rubbish, list) and rubbish[:2] == [REPLY, 0]:
+
+        def now(tick: int) -> bytes:
+            return msgpack.packb([REPLY, tick, *rubbish[2:]])
+    else:
+
+        def now(tick: int) -> bytes:
+            return data
+
+    undisturbed = fly(mission()).outcome
+    assert fly(mission(), lambda agent, tick, reply: [now(tick), reply] if agent == 5 else [reply]).outcome == undisturbed
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc1", b"\x97", bytes(3000), msgpack.packb(GARBAGE["text-command"])])
+def test_a_drone_that_answers_rubbish_is_as_lost_as_one_that_is_silent(data: bytes) -> None:
+    silent = fly(mission(), lambda agent, tick, reply: [] if agent == 5 and tick >= 30 else [reply]).outcome
+    assert silent.lost_agents == (5,)
+    assert silent.ticks == 60
+    babbling = fly(mission(), lambda agent, tick, reply: [data] if agent == 5 and tick >= 30 else [reply]).outcome
+    assert babbling == silent
+
+
+def test_a_drone_that_speaks_for_all_ticks_to_come_must_still_answer_each() -> None:
+    def leap(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if agent != 5 or tick < 30:
+            return [reply]
+        return [msgpack.packb(tampered(tick=tick + 1000))] if tick == 30 else []
+
+    assert fly(mission(), leap).outcome.lost_agents == (5,)
+
+
+def test_a_second_answer_to_the_same_tick_is_not_heard() -> None:
+    def twice(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        return [reply, msgpack.packb(tampered(tick=tick, ax=9.0, slot=0))] if agent == 5 else [reply]
+
+    assert fly(mission(), twice).outcome == fly(mission()).outcome
+
+
+def test_frames_that_are_no_frames_are_relayed_counted_and_dropped() -> None:
+    def spoil(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        kind, fields = messages.unpack(reply)
+        return [messages.pack(kind, *fields[:4], b"\xc1 no frame", fields[5])] if agent == 1 else [reply]
+
+    flown = fly(mission(), spoil)
+    assert flown.outcome.failure == "late"
+    assert flown.outcome.lost_agents == ()
+    assert sum(flown.statuses[agent].rejected[1] for agent in range(6) if agent != 1) > 30
+    assert sum(sum(status.rejected) for status in flown.statuses.values()) == sum(
+        status.rejected[1] for status in flown.statuses.values()
+    )
+
+
+def test_a_drone_that_never_answers_is_lost_after_a_while_and_named() -> None:
+    swarm = Loopback(mission(), lambda agent, tick, reply: [] if agent == 2 else [reply])
+    flown = WorldServer(mission(), swarm, "lockstep", swarm).run()
+    assert flown.outcome.lost_agents == (2,)
+    assert flown.outcome.ticks == 60
+    assert swarm.pictures[-1].agents[2].state == "lost"
+    assert swarm.waits > 0, "the others are told meanwhile that the world lives"
+
+
+def test_a_drone_whose_process_ends_is_lost_at_once() -> None:
+    def end(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if agent == 3 and tick == 10:
+            swarm.gone.append(3)
+            return []
+        return [reply]
+
+    swarm = Loopback(mission(), end)
+    assert WorldServer(mission(), swarm, "lockstep", swarm).run().outcome.lost_agents == (3,)
+
+
+def test_a_flight_whose_drones_are_all_lost_is_over() -> None:
+    outcome = fly(mission(), lambda agent, tick, reply: [] if tick >= 5 else [reply]).outcome
+    assert (outcome.failure, outcome.lost_agents) == ("all-lost", tuple(range(6)))
+    assert outcome.ticks == 6
+
+
+def test_a_drone_of_another_version_is_refused_by_name_before_the_flight() -> None:
+    swarm = Loopback(mission())
+    swarm.say(4, messages.pack(messages.HELLO, messages.VERSION + 1, ""))
+    swarm._said.rotate(1)
+    with pytest.raises(ServerError, match=r"^agent 4 speaks version 2 of the messages, the world 1$"):
+        WorldServer(mission(), swarm, "lockstep", swarm).run()
+
+
+def test_drones_that_do_not_come_are_named() -> None:
+    swarm = Loopback(mission())
+    swarm._alive -= {1, 4}
+    with pytest.raises(ServerError, match=r"^agents \[1, 4\] did not arrive within 0.8 s$"):
+        WorldServer(mission(), swarm, "lockstep", swarm).run()
+
+
+def test_a_process_that_ends_before_the_flight_is_named() -> None:
+    swarm = Loopback(mission())
+    swarm.gone = [3]
+    with pytest.raises(ServerError, match="the process of agent 3 ended before the flight began"):
+        WorldServer(mission(), swarm, "lockstep", swarm).run()
+
+
+def test_a_flight_can_be_broken_off_and_nobody_is_lost_by_that() -> None:
+    swarm = Loopback(mission(time_limit_s=21.0), lambda agent, tick, reply: [] if tick >= 20 else [reply])
+    swarm.leave_at = 20
+    outcome = WorldServer(mission(time_limit_s=21.0), swarm, "lockstep", swarm).run().outcome
+    assert (outcome.failure, outcome.ticks, outcome.lost_agents) == ("interrupted", 21, ())
+
+
+def test_a_drone_that_believes_the_impossible_ends_the_flight_by_name() -> None:
+    status = [2, 0, [0] * 7, [0] * len(SWAP_COUNTS), 9, bytes([0, 1, 2, 2, 4, 5])]
+
+    def believe(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        kind, fields = messages.unpack(reply)
+        return [messages.pack(kind, *fields[:5], status if (agent, tick) == (2, 25) else fields[5])]
+
+    flown = fly(mission(), believe)
+    assert flown.outcome.failure == "broken-invariant"
+    assert flown.outcome.ticks == 26
+    assert flown.watched.breach == "permutation broken at tick 25: agent 2 believes [0, 1, 2, 2, 4, 5]"
+
+
+def test_the_launcher_is_asked_to_do_what_the_mission_says() -> None:
+    faults = [{"at_s": 0.1 * index, "kind": kind, "agents": [1]} for index, kind in enumerate(["freeze", "thaw", "kill"], 1)]
+    swarm = Loopback(mission(faults=faults))
+    outcome = WorldServer(swarm.mission, swarm, "lockstep", swarm).run().outcome
+    assert swarm.applied == [("freeze", (1,)), ("thaw", (1,)), ("kill", (1,))]
+    assert outcome.lost_agents == (1,)
+
+
+def test_a_restarted_drone_that_does_not_come_back_is_lost() -> None:
+    swarm = Loopback(mission(faults=[{"at_s": 0.1, "kind": "restart", "agents": [1]}]))
+    swarm.apply = lambda kind, agents: swarm._alive.discard(1)  # type: ignore[method-assign]
+    outcome = WorldServer(swarm.mission, swarm, "lockstep", swarm).run().outcome
+    assert (outcome.lost_agents, outcome.ticks) == ((1,), 60)
+
+
+def test_in_real_time_a_late_answer_is_counted_and_the_last_command_stands() -> None:
+    seen: dict[int, np.ndarray] = {}
+    task = mission(time_limit_s=0.3)
+    swarm = Loopback(task, lambda agent, tick, reply: [] if agent == 2 and 10 <= tick < 20 else [reply])
+    world = WorldServer(
+        task, swarm, "realtime", swarm, lambda core: seen.setdefault(int(core.tick[0]), core.command[0, 2].copy())
+    )
+    flown = world.run()
+    assert flown.outcome.lost_agents == ()
+    assert flown.deadline_misses >= 10
+    assert all(seen[tick].tolist() == seen[10].tolist() for tick in range(11, 21))
+    assert flown.wall_s > 0.28
+
+
+def test_a_picture_tells_who_flies_and_who_is_frozen() -> None:
+    swarm = Loopback(mission(faults=[{"at_s": 0.1, "kind": "freeze", "agents": [3]}]))
+    WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
+    picture = swarm.pictures[-1]
+    assert (picture.tick, picture.time_s) == (60, pytest.approx(0.6))
+    assert [row.state for row in picture.agents] == ["flying"] * 3 + ["frozen"] + ["flying"] * 2
+    assert [row.slot for row in picture.agents] == list(range(6))
+    assert (picture.obstacles, picture.obstacles_passed) == (1, 0)
+
+
+def test_drones_get_the_mission_of_the_world() -> None:
+    swarm = Loopback(mission(swarm="blue", policy="cruise"))
+    WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
+    drone: Drone = swarm.drones[5]
+    assert drone.core.mission == swarm.mission

@@ -1,0 +1,121 @@
+"""The watch: what it takes for a breach, and what it measures."""
+
+import pytest
+
+from protocols.status import SWAP_COUNTS, AgentStatus
+from world.watch import Watch
+
+FIRST, SWAPPED = bytes([0, 1, 2]), bytes([1, 0, 2])
+ALL = [0, 1, 2]
+
+
+def account(view: bytes, digest: int, **counts: int) -> AgentStatus:
+    return AgentStatus(view[0], 2, (0,) * 7, tuple(counts.get(name, 0) for name in SWAP_COUNTS), digest, view)
+
+
+def watch_of(*views: tuple[bytes, int]) -> Watch:
+    watch = Watch(3)
+    for agent, (view, digest) in enumerate(views):
+        watch.see(0, agent, account(view, digest))
+    return watch
+
+
+def test_equal_views_break_nothing() -> None:
+    watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
+    for tick in range(100):
+        watch.tick(tick, ALL)
+    watched = watch.result(100)
+    assert (watched.breach, watched.views_differ_s, watched.agreed_after_s) == (None, 0.0, 0.0)
+
+
+def test_a_view_in_which_a_slot_is_held_twice_is_a_breach() -> None:
+    watch = watch_of((FIRST, 7))
+    watch.see(31, 2, account(bytes([0, 1, 1]), 8))
+    assert watch.breach == "permutation broken at tick 31: agent 2 believes [0, 1, 1]"
+
+
+def test_unequal_views_of_equal_knowledge_are_a_breach() -> None:
+    watch = watch_of((FIRST, 7))
+    watch.see(31, 2, account(SWAPPED, 7))
+    assert watch.breach == (
+        "agreement broken at tick 31: agents 0 and 2 know the same swaps but believe [0, 1, 2] and [1, 0, 2]"
+    )
+
+
+def test_equal_views_of_unequal_knowledge_are_none() -> None:
+    assert watch_of((FIRST, 7), (FIRST, 8), (SWAPPED, 9)).breach is None
+
+
+def test_the_first_breach_is_kept() -> None:
+    watch = watch_of((bytes([0, 0, 2]), 7), (bytes([2, 2, 2]), 8))
+    assert watch.breach is not None
+    assert "agent 0" in watch.breach
+
+
+def test_more_swaps_in_a_second_than_drones_are_a_livelock() -> None:
+    watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
+    for number in range(1, 5):
+        watch.see(10 * number, 0, account(FIRST, 7, committed=number))
+        assert watch.breach is None
+        watch.tick(10 * number, ALL)
+    assert watch.breach == "livelock at tick 40: 4 swaps within one second among 3 drones"
+
+
+def test_as_many_swaps_spread_over_more_than_a_second_are_none() -> None:
+    watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
+    for tick in range(1, 400):
+        if tick % 50 == 0:
+            watch.see(tick, 0, account(FIRST, 7, committed=tick // 50))
+        watch.tick(tick, ALL)
+    assert watch.breach is None
+    assert watch.result(400).most_swaps_in_a_second == 2
+
+
+def test_the_time_of_unlike_views_is_counted_until_all_have_learnt() -> None:
+    watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
+    for tick in range(100):
+        for agent, when in ((0, 20), (1, 24), (2, 32)):
+            if tick == when:
+                watch.see(tick, agent, account(SWAPPED, 8))
+        watch.tick(tick, ALL)
+    watched = watch.result(100)
+    assert watched.views_differ_s == pytest.approx(0.12)
+    assert watched.agreed_after_s == pytest.approx(0.32)
+
+
+def test_agreement_is_timed_from_the_last_fault() -> None:
+    watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
+    for tick in range(100):
+        if tick == 10:
+            watch.fault(tick)
+        if tick == 20:
+            watch.see(tick, 0, account(SWAPPED, 8))
+        if tick == 30:
+            watch.see(tick, 1, account(SWAPPED, 8))
+            watch.see(tick, 2, account(SWAPPED, 8))
+        watch.tick(tick, ALL)
+    assert watch.result(100).agreed_after_s == pytest.approx(0.2)
+
+
+def test_who_is_dead_need_not_agree() -> None:
+    watch = watch_of((FIRST, 7), (SWAPPED, 8), (FIRST, 7))
+    watch.tick(0, ALL)
+    for tick in range(1, 10):
+        watch.tick(tick, [0, 2])
+    assert watch.result(10).views_differ_s == pytest.approx(0.01)
+    assert watch.result(10).agreed_after_s == pytest.approx(0.01)
+
+
+def test_a_flight_that_ends_in_disagreement_says_so() -> None:
+    watch = watch_of((FIRST, 7), (SWAPPED, 8), (FIRST, 7))
+    for tick in range(10):
+        watch.tick(tick, ALL)
+    assert watch.result(10).agreed_after_s is None
+
+
+def test_swaps_turned_off_by_a_merge_are_added_up() -> None:
+    watch = Watch(3)
+    watch.see(0, 0, account(FIRST, 7, undone=2))
+    watch.see(0, 1, account(FIRST, 7, undone=1))
+    watch.see(5, 1, account(FIRST, 7, undone=3))
+    assert watch.result(6).undone == 5
