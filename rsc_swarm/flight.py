@@ -17,7 +17,6 @@ from world.medium import TALLY
 from world.recorder import Recorder
 from world.server import Flown
 from world.telemetry import Snapshot, snapshot
-from world.watch import Watch
 
 _SHOW_EVERY_S = 1 / 8
 _SHOW_TICKS = 200  # and at least this often
@@ -49,9 +48,8 @@ def fly(
         world.field.FieldError, agent.policy.PolicyError: as Simulation.
     """
     simulation = Simulation([mission])
-    core, parties = simulation.world, simulation.agents.parties
+    core = simulation.world
     recorder = Recorder(mission) if trajectory else None
-    watch, views = Watch(mission.agents), np.full_like(parties.slot_of, -1)
     sizes = np.zeros(MAX_FRAME_BYTES + 1, np.int64)
     first_tick_at, begin = time.time(), time.perf_counter()
     shown = -np.inf
@@ -64,11 +62,6 @@ def fly(
                 np.minimum(core._sizes[0, (simulation.clock - 1) % core.ring], MAX_FRAME_BYTES),
                 minlength=len(sizes),
             )
-            _watch(simulation, watch, views)
-            if core.active[0] and watch.breach:
-                core.end(0, "broken-invariant")
-            elif core.active[0] and not core.flying[0].any():
-                core.end(0, "all-lost")
             if simulation.clock % _LOOK_EVERY and core.active[0]:
                 continue
             now = time.perf_counter() - begin
@@ -89,31 +82,12 @@ def fly(
         outcome=outcome,
         tally=dict(zip(TALLY, (int(number) for number in core.tally[0]), strict=True)),
         statuses=statuses(simulation),
-        watched=watch.result(simulation.clock),
+        watched=simulation.watches[0].result(simulation.clock),
         wall_s=wall,
         real_time_factor=simulation.clock * TICK_S / wall,
         deadline_misses=0,
         median_frame_bytes=_median(sizes),
         first_tick_at=first_tick_at,
-    )
-
-
-def _watch(simulation: Simulation, watch: Watch, views: np.ndarray) -> None:
-    """Show the watch every view that has changed since ``views``."""
-    core, now = simulation.world, simulation.agents.parties.slot_of
-    changed = np.flatnonzero((views != now).any(axis=1))
-    for agent in changed:
-        watch.see(
-            simulation.clock,
-            int(agent),
-            simulation.agents.status(int(agent), simulation.clock, (0,) * len(REASONS)),
-        )
-    views[changed] = now[changed]
-    for fault in simulation.mission.faults:
-        if fault.at_tick == simulation.clock - 1:
-            watch.fault(simulation.clock)
-    watch.tick(
-        simulation.clock, [int(agent) for agent in np.flatnonzero(core.flying[0] & core.responsive[0])]
     )
 
 

@@ -65,18 +65,19 @@ class Simulation:
         return ended
 
     def _watch(self, active: np.ndarray) -> list[int]:
-        """Show the watches the views that changed; end the flights whose invariants broke."""
+        """Show the watches the views that changed; end flights whose invariants broke or whose drones are all gone."""
         world, agents = self.world, self.world.shape[1]
         for row in self.agents.parties.changed:
             self.watches[row // agents].see(self.clock, row % agents, self.status(row))
-        broken = []
+        ended = []
         for index in np.flatnonzero(active):
             awake = np.flatnonzero(world.flying[index] & world.responsive[index])
             self.watches[index].tick(self.clock, awake.tolist())
-            if self.watches[index].breach:
-                world.end(int(index), "broken-invariant")
-                broken.append(int(index))
-        return broken
+            failure = "broken-invariant" if self.watches[index].breach else None if world.flying[index].any() else "all-lost"
+            if failure:
+                world.end(int(index), failure)
+                ended.append(int(index))
+        return ended
 
     def status(self, row: int) -> AgentStatus:
         """The account of the drone in row world * N + agent; nothing is rejected where nothing is unpacked."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from protocols import messages
 from protocols.messages import MessageError
-from protocols.sensed import MAX_NEAR, empty_sensed, pack_sensed
+from protocols.sensed import MAX_NEAR, SensedReader, empty_sensed, pack_sensed
 from protocols.status import SWAP_COUNTS, AgentStatus, parse_status
 
 STATUS = AgentStatus(3, 4, (0,) * 7, (0,) * len(SWAP_COUNTS), 99, bytes(range(6)))
