@@ -12,15 +12,17 @@ from protocols.frames import Frames
 from protocols.mission import TICK_S, Mission
 from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
 from protocols.trigger import NOBODY
+from protocols.versioned import VersionedParty
 
 
-def _make_party(mission: Mission, me: int, initial: list[int], boot: int) -> SlotParty:
+def _make_party(mission: Mission, me: int, initial: list[int], boot: int) -> SlotParty | VersionedParty:
     spec = mission.swap
     answer = round(spec.answer_s / TICK_S)
     rules = SwapRules(
         cooldown_ticks=round(spec.cooldown_s / TICK_S), answer_ticks=answer, lock_ticks=2 * answer, retry_ticks=10
     )
-    return SlotParty(me, initial, rules, nonce=boot, amnesiac=boot > 0)
+    party = SlotParty if spec.protocol == "agreed" else VersionedParty
+    return party(me, initial, rules, nonce=boot, amnesiac=boot > 0)
 
 
 class Parties:

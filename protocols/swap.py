@@ -99,7 +99,7 @@ class SlotParty:
         self.stance = Stance.AMNESIAC if amnesiac else Stance.IDLE
         self.counts = SwapCounts()
         self._rules = rules
-        self._gossip = SlotGossip(me, initial, rules, nonce, amnesiac)
+        self._gossip = SlotGossip(me, initial, rules, amnesiac)
         self._deal: Deal | None = None
         self._next_nonce = nonce * _NONCES_PER_BOOT
         self._given_up = -1  # nonce of my latest proposal that came to nothing

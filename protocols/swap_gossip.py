@@ -3,12 +3,12 @@
 The rules
     1. A swap just learned goes out in the next frame. Whoever hears a digest unlike its own repeats its open
        swaps, newest first and then in rotation, until a few frames after it last heard one.
-    2. While swaps are open, notes carry acknowledgements in rotation: who has had exactly which swaps. What
-       all have had is folded: no older swap can still come, as an agent's later swaps count more than any it
-       acknowledged. Acknowledgements that bring no news fall silent, but for one frame every `ack_ticks`.
-    3. Whoever hears of a larger checkpoint that is a prefix of its own swaps folds that far. A settled note
-       of the same digest is such a checkpoint. Who is behind and cannot is sent the checkpoint and adopts it.
-    4. The dead acknowledge nothing. Of more than `open_max` open swaps the older half is folded regardless.
+    2. While swaps are open, notes say who is known to have had exactly the sender's swaps. What all have had
+       is folded: no older swap can still come, as an agent's later swaps count more than any it has had.
+       Without news of who has had them the notes fall silent, but for one frame every `ack_ticks`.
+    3. Whoever hears a settled note of its own digest folds too: the sender knew that all have had them. Who has
+       unlike swaps and a smaller checkpoint is sent the larger one, and takes it over.
+    4. The dead learn nothing. Of more than `open_max` open swaps the older half is folded regardless.
     5. An amnesiac has joined when it has heard a neighbour's checkpoint and then an equal digest.
 """
 
@@ -18,10 +18,8 @@ from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
 from protocols.slots import Checkpoint, Mark, SlotBook, Swap
-from protocols.swap_notes import Ack, SlotNote
+from protocols.swap_notes import SlotNote
 from protocols.swap_rules import SwapCounts, SwapRules
-
-_LOW32 = (1 << 32) - 1
 
 
 class News(NamedTuple):
@@ -29,7 +27,7 @@ class News(NamedTuple):
 
     mark: Mark | None = None
     ops: tuple[Swap, ...] = ()
-    acks: tuple[Ack, ...] = ()
+    had: int = 0
     checkpoint: Checkpoint | None = None
 
 
@@ -39,22 +37,18 @@ NO_NEWS = News()
 class SlotGossip:
     """One agent's knowledge of the swaps, and what it has yet to tell."""
 
-    def __init__(self, me: int, initial: Sequence[int], rules: SwapRules, boot: int, amnesiac: bool) -> None:
+    def __init__(self, me: int, initial: Sequence[int], rules: SwapRules, amnesiac: bool) -> None:
         self.book = SlotBook(initial)
         self.amnesiac = amnesiac
-        self._me, self._rules, self._boot = me, rules, boot
-        self._acks: tuple[Ack | None, ...] = (None,) * len(initial)
-        self._turn = 0  # how often my own acknowledgement changed
+        self._me, self._rules = me, rules
+        self._had = 0 if amnesiac else 1 << me  # bit k: agent k has had exactly my swaps
         self._primed = False  # an amnesiac that has heard a checkpoint
         self._fresh: tuple[Swap, ...] = ()  # learned, not yet told
         self._repair_left = 0  # notes that are still to carry swaps
-        self._chat_left = 0  # notes that are still to carry acknowledgements
-        self._ack_due = 0  # tick
+        self._tally_left = 0  # notes that are still to say who has had them
+        self._tally_at = 0  # tick
         self._op_cursor = 0
-        self._ack_cursor = 0
         self._lending = False  # the next note carries my checkpoint
-        if not amnesiac:
-            self._acknowledge()
 
     def __copy__(self) -> SlotGossip:
         twin = SlotGossip.__new__(SlotGossip)
@@ -68,15 +62,13 @@ class SlotGossip:
             self.amnesiac,
             self.book.base,
             self.book.open,
-            self._acks,
-            self._turn,
+            self._had,
             self._primed,
             self._fresh,
             self._repair_left,
-            self._chat_left,
-            max(self._ack_due - tick, 0),
+            self._tally_left,
+            max(self._tally_at - tick, 0),
             self._op_cursor,
-            self._ack_cursor,
             self._lending,
         )
 
@@ -88,29 +80,23 @@ class SlotGossip:
     def commit(self, op: Swap, counts: SwapCounts) -> None:
         """Add a swap of my own."""
         self._learn((op,), counts)
+        self._start_tally()
 
     def hear(self, note: SlotNote, counts: SwapCounts) -> None:
         """Merge what a neighbour says."""
         book = self.book
-        digest = book.digest
-        self._learn(note.ops, counts)
-        if note.checkpoint is not None:
-            self._primed = True
-            if book.adopt(note.checkpoint) and not self.amnesiac:
-                counts.adopted += 1
-        elif note.mark is not None and note.mark > book.base.mark and book.has_prefix(note.mark):
-            book.fold(note.mark.size)
+        if note.digest != book.digest or self.amnesiac:
+            self._merge(note, counts)
         unlike = note.digest != book.digest
-        if note.settled and not unlike:
-            book.fold(book.count)
         if self.amnesiac and self._primed and not note.amnesiac and not unlike:
             self.amnesiac = False
-            self._acknowledge()
-        elif book.digest != digest:
-            self._acknowledge()
-        self._hear_acks(note.acks)
+            self._start_tally()
         if unlike:
             self._repair_left = self._rules.repair_frames
+        elif note.settled:
+            book.fold(book.count)
+        else:
+            self._hear_who_had(note.had)
         behind = unlike and note.mark is not None and note.mark < book.base.mark
         if (note.amnesiac or behind) and not self.amnesiac:
             self._lending = True
@@ -119,23 +105,32 @@ class SlotGossip:
         """What the next note tells; counts as told."""
         rules, book = self._rules, self.book
         repairing = self._repair_left > 0
-        chatting = bool(book.open and rules.acks_per_frame and not self.amnesiac) and (
-            self._chat_left > 0 or tick >= self._ack_due
+        tallying = bool(book.open and rules.ack_frames and not self.amnesiac) and (
+            self._tally_left > 0 or tick >= self._tally_at
         )
-        if not (repairing or chatting or self._lending or self.amnesiac):
+        if not (repairing or tallying or self._lending or self.amnesiac):
             return NO_NEWS
-        ops: tuple[Swap, ...] = ()
-        acks: tuple[Ack, ...] = ()
+        mark = book.base.mark if repairing or self._lending or self.amnesiac else None
         checkpoint = book.base if self._lending else None
         self._lending = False
+        ops: tuple[Swap, ...] = ()
         if repairing:
             ops = self._pick_ops()
-            self._repair_left = max(self._repair_left - 1, 1 if self._fresh else 0)
-        if chatting:
-            acks = self._pick_acks()
-            self._chat_left = max(self._chat_left - 1, 0)
-            self._ack_due = tick + rules.ack_ticks
-        return News(book.base.mark, ops, acks, checkpoint)
+            self._repair_left -= 1
+        if tallying:
+            self._tally_left = max(self._tally_left - 1, 0)
+            self._tally_at = tick + rules.ack_ticks
+        return News(mark, ops, self._had if tallying else 0, checkpoint)
+
+    def _merge(self, note: SlotNote, counts: SwapCounts) -> None:
+        book, digest = self.book, self.book.digest
+        self._learn(note.ops, counts)
+        if note.checkpoint is not None:
+            self._primed = True
+            if book.adopt(note.checkpoint) and not self.amnesiac:
+                counts.adopted += 1
+        if book.digest != digest and not self.amnesiac:
+            self._start_tally()
 
     def _learn(self, ops: tuple[Swap, ...], counts: SwapCounts) -> None:
         book = self.book
@@ -145,49 +140,21 @@ class SlotGossip:
         self._fresh = (*new, *self._fresh)
         self._repair_left = self._rules.repair_frames
         self._op_cursor = 0
-        self._acknowledge()
         if len(book.open) > self._rules.open_max and book.fold(book.base.size + len(book.open) // 2):
             counts.forced += 1
 
-    def _acknowledge(self) -> None:
-        """My own acknowledgement, after my swaps changed."""
-        if self.amnesiac:
-            return
-        self._turn += 1
-        book = self.book
-        mine = Ack(self._me, self._boot, self._turn, book.count, book.digest & _LOW32)
-        self._acks = (*self._acks[: self._me], mine, *self._acks[self._me + 1 :])
-        self._chat()
-        self._fold_what_all_had()
+    def _start_tally(self) -> None:
+        """My swaps changed: as yet I know only of myself that I have had just these."""
+        self._had = 1 << self._me
+        self._tally_left = self._rules.ack_frames
 
-    def _hear_acks(self, acks: tuple[Ack, ...]) -> None:
-        known = list(self._acks)
-        for ack in acks:
-            held = known[ack.agent]
-            newer = held is None or (ack.boot, ack.turn) > (held.boot, held.turn)
-            if newer and ack.agent != self._me:
-                known[ack.agent] = ack
-        if tuple(known) != self._acks:
-            self._acks = tuple(known)
-            self._chat()
-            self._fold_what_all_had()
-
-    def _chat(self) -> None:
-        """Send every acknowledgement I know twice more."""
-        others = self._rules.acks_per_frame - 1
-        self._chat_left = 2 * -(-len(self._acks) // others) if others > 0 else 0
-
-    def _fold_what_all_had(self) -> None:
-        book = self.book
-        if not book.open or not self._rules.acks_per_frame:
-            return
-        size = book.count
-        for ack in self._acks:
-            digest = None if ack is None else book.prefix_digest(ack.size)
-            if ack is None or digest is None or digest & _LOW32 != ack.digest32:
-                return
-            size = min(size, ack.size)
-        book.fold(size)
+    def _hear_who_had(self, had: int) -> None:
+        had |= self._had
+        if had != self._had:
+            self._had = had
+            self._tally_left = self._rules.ack_frames
+            if had == (1 << len(self.book.slot_of)) - 1:
+                self.book.fold(self.book.count)
 
     def _pick_ops(self) -> tuple[Swap, ...]:
         """The swaps of one note: first those just learned, then the others in rotation from the newest."""
@@ -203,12 +170,3 @@ class SlotGossip:
             if op not in picked:
                 picked.append(op)
         return tuple(picked)
-
-    def _pick_acks(self) -> tuple[Ack, ...]:
-        """My own acknowledgement and the next few of the others'."""
-        n = len(self._acks)
-        known = [ack for i in range(n) if (ack := self._acks[(self._ack_cursor + i) % n]) is not None]
-        others = [ack for ack in known if ack.agent != self._me][: self._rules.acks_per_frame - 1]
-        if others:
-            self._ack_cursor = (others[-1].agent + 1) % n
-        return (*(ack for ack in known if ack.agent == self._me), *others)

@@ -17,15 +17,12 @@ from protocols.slots import Checkpoint, Mark, Swap, is_permutation
 
 MAX_OPS = 16
 """Swaps in one note, at most."""
-MAX_ACKS = 16
-"""Acknowledgements in one note, at most."""
 MAX_REFUSALS = 8
 """Refusals in one note, at most; whoever gets none asks again in its next frame."""
 
 _COUNTER_END = 1 << 48
 _NONCE_END = 1 << 56
 _DIGEST_END = 1 << 64
-_DIGEST32_END = 1 << 32
 
 T = TypeVar("T")
 
@@ -54,22 +51,13 @@ class Acceptance(NamedTuple):
     clock: int
 
 
-class Ack(NamedTuple):
-    """An agent had exactly `size` swaps, with these low 32 bits of digest. Larger (boot, turn) is newer."""
-
-    agent: int
-    boot: int
-    turn: int
-    size: int
-    digest32: int
-
-
 class SlotNote(NamedTuple):
     """What one frame says about slots.
 
     `settled`: all swaps of `digest` are in the sender's checkpoint. `amnesiac`: the sender restarted, knows
     nothing and asks for a checkpoint. `refusals` are said by the one asked, or by the proposer itself to
-    release the one promised. `mark` names the sender's checkpoint. `acks`: who is known to have known what.
+    release the one promised. `mark` names the sender's checkpoint. `had`: bit k says that agent k has had
+    exactly the swaps of `digest`.
     """
 
     digest: int
@@ -80,7 +68,7 @@ class SlotNote(NamedTuple):
     refusals: tuple[Refusal, ...] = ()
     mark: Mark | None = None
     ops: tuple[Swap, ...] = ()
-    acks: tuple[Ack, ...] = ()
+    had: int = 0
     checkpoint: Checkpoint | None = None
 
     @property
@@ -99,11 +87,12 @@ def encode(note: SlotNote) -> tuple[Any, ...]:
         return (note.digest, int(note.settled))
     checkpoint = note.checkpoint
     packed = None if checkpoint is None else (bytes(checkpoint.slot_of), *checkpoint[1:])
-    return (note.digest, int(note.settled), int(note.amnesiac), *note[3:9], packed)
+    had = note.had.to_bytes((note.had.bit_length() + 7) // 8, "little")
+    return (note.digest, int(note.settled), int(note.amnesiac), *note[3:8], had, packed)
 
 
 def quiet_digest(obj: object) -> int | None:
-    """The digest of an encoded quiet, settled note, which is what nearly every frame carries; None for any other."""
+    """The digest of an encoded quiet, settled note, which nearly every frame carries; None for any other."""
     if type(obj) is list and len(obj) == 2:
         digest, settled = obj
         if type(digest) is int and 0 <= digest < _DIGEST_END and type(settled) is int and settled == 1:
@@ -119,7 +108,7 @@ def decode(obj: object, n_agents: int) -> SlotNote:
     digest, settled = _int(fields[0], _DIGEST_END), bool(_int(fields[1], 2))
     if len(fields) == 2:
         return SlotNote(digest, settled)
-    amnesiac, proposal, acceptance, refusals, mark, ops, acks, checkpoint = fields[2:]
+    amnesiac, proposal, acceptance, refusals, mark, ops, had, checkpoint = fields[2:]
 
     def read_proposal(item: object) -> Proposal:
         read = Proposal(*_ints(item, (n_agents, _NONCE_END, n_agents, n_agents)))
@@ -143,9 +132,6 @@ def decode(obj: object, n_agents: int) -> SlotNote:
             raise ValueError(f"not a swap: {op}")
         return op
 
-    def read_ack(item: object) -> Ack:
-        return Ack(*_ints(item, (n_agents, _NONCE_END, _COUNTER_END, _COUNTER_END, _DIGEST32_END)))
-
     def read_checkpoint(item: object) -> Checkpoint:
         slot_of, *rest = _list(item)
         if type(slot_of) is not bytes or len(slot_of) != n_agents or not is_permutation(slot_of):
@@ -161,7 +147,7 @@ def decode(obj: object, n_agents: int) -> SlotNote:
         _several(refusals, MAX_REFUSALS, read_refusal),
         _maybe(mark, read_mark),
         _several(ops, MAX_OPS, read_swap),
-        _several(acks, MAX_ACKS, read_ack),
+        _agents(had, n_agents),
         _maybe(checkpoint, read_checkpoint),
     )
 
@@ -170,6 +156,12 @@ def _int(value: object, end: int) -> int:
     if type(value) is int and 0 <= value < end:  # a bool is no number here
         return value
     raise ValueError(f"not a whole number from 0 to {end - 1}: {value!r}")
+
+
+def _agents(value: object, n_agents: int) -> int:
+    if type(value) is bytes and len(value) <= (n_agents + 7) // 8:
+        return _int(int.from_bytes(value, "little"), 1 << n_agents)
+    raise ValueError(f"not a set of {n_agents} agents: {value!r}")
 
 
 def _list(value: object) -> Sequence[object]:

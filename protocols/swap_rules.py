@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from protocols.swap_notes import MAX_ACKS, MAX_OPS
+from protocols.swap_notes import MAX_OPS
 
 
 @dataclass(frozen=True)
@@ -23,20 +23,16 @@ class SwapRules:
     """Swaps in one note."""
     repair_frames: int = 4
     """Notes that go on carrying swaps after the last unlike digest was heard."""
-    acks_per_frame: int = 4
-    """Acknowledgements in one note, the sender's own included. 0: none, and no folding of what all know."""
+    ack_frames: int = 4
+    """Notes that go on saying who has had the swaps after the last news of it. 0: none, and no folding."""
     ack_ticks: int = 50
-    """While swaps are open, acknowledgements are silent for at most this long."""
+    """While swaps are open, nobody is silent about who has had them for longer than this."""
     open_max: int = 512
     """More open swaps than this are folded without waiting for everybody."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.repair_per_frame <= MAX_OPS:
             raise ValueError(f"a note holds 1 to {MAX_OPS} swaps, not {self.repair_per_frame}")
-        if self.acks_per_frame not in (0, *range(2, MAX_ACKS + 1)):
-            raise ValueError(
-                f"a note holds no or 2 to {MAX_ACKS} acknowledgements, not {self.acks_per_frame}"
-            )
         if self.repair_frames < 1 or self.open_max < 2:
             raise ValueError("repair takes a frame at least, and two open swaps must have room")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from protocols.frames import MAX_FRAME_BYTES, REASONS
+from protocols.frames import MAX_FRAME_BYTES
 from protocols.mission import TICK_S, Mission
 from protocols.status import AgentStatus
 from rsc_swarm.simulate import Simulation
@@ -24,11 +24,9 @@ _LOOK_EVERY = 5  # ticks between two looks at the wall clock
 
 
 def statuses(simulation: Simulation, world: int = 0) -> dict[int, AgentStatus]:
-    """The drones' own accounts, by agent number. No frame is ever rejected in one process."""
+    """The drones' own accounts, by agent number."""
     agents = simulation.world.shape[1]
-    none = (0,) * len(REASONS)
-    first = world * agents
-    return {agent: simulation.agents.status(first + agent, simulation.clock, none) for agent in range(agents)}
+    return {agent: simulation.status(world * agents + agent) for agent in range(agents)}
 
 
 def fly(
@@ -62,6 +60,8 @@ def fly(
                 np.minimum(core._sizes[0, (simulation.clock - 1) % core.ring], MAX_FRAME_BYTES),
                 minlength=len(sizes),
             )
+            if core.active[0] and not core.flying[0].any():
+                core.end(0, "all-lost")
             if simulation.clock % _LOOK_EVERY and core.active[0]:
                 continue
             now = time.perf_counter() - begin

@@ -84,7 +84,7 @@ def draw(track: Track, mission: Mission, out: Path) -> None:
     axes.xaxis.label.set_color(_ROCK)
     axes.yaxis.label.set_color(_ROCK)
     axes.set_title(track.verdict, loc="left", fontsize=12, color=_ALARM if track.failure else _INK, pad=10)
-    _draw_legend(axes)
+    _draw_legend(axes, track)
     figure.tight_layout()
     try:
         figure.savefig(out, dpi=160, facecolor="white")
@@ -192,7 +192,8 @@ def _draw_events(axes: Any, track: Track, mission: Mission) -> None:
     ticks, agents = np.nonzero(np.diff(track.slots.astype(np.int64), axis=0))
     flew = track.flying[ticks, agents]
     swapped = track.positions[ticks[flew], agents[flew]]
-    axes.plot(*swapped.T, "D", ms=4.5, mfc="white", mec=_INK, mew=1.0, zorder=7)
+    size, edge = (4.5, 1.0) if len(swapped) <= 40 else (3.0, 0.7)
+    axes.plot(*swapped.T, "D", ms=size, mfc="white", mec=_INK, mew=edge, zorder=7)
     for agent in np.flatnonzero(~track.flying[-1] & track.flying[0]):
         last = int(np.flatnonzero(track.flying[:, agent])[-1])
         axes.plot(*track.positions[last, agent], "X", ms=9, color=_ALARM, mec="white", mew=0.8, zorder=8)
@@ -228,19 +229,25 @@ def _collision(track: Track) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _draw_legend(axes: Any) -> None:
+def _draw_legend(axes: Any, track: Track) -> None:
+    """Explain what is there, and only that."""
     from matplotlib.lines import Line2D
 
     def mark(label: str, **style: Any) -> Line2D:
         return Line2D([], [], label=label, **style)
 
+    end = "in formation" if track.failure is None else "at the end"
     handles = [
         mark("start", marker="o", ms=4, color=_FAINT, lw=0, mew=0),
-        mark("formation reached", marker="o", ms=7, color=_INK, mfc="white", mec=_INK, lw=1.4),
-        mark("swap", marker="D", ms=4.5, mfc="white", mec=_INK, lw=0),
-        mark("obstacle", marker="o", ms=8, color=_ROCK, lw=0),
-        mark("goal", color=_INK, lw=1.2, ls=(0, (4, 3))),
+        mark(end, marker="o", ms=7, color=_INK, mfc="white", mec=_INK, lw=1.4),
     ]
+    if np.diff(track.slots.astype(np.int64), axis=0).any():
+        handles.append(mark("swap", marker="D", ms=4.5, mfc="white", mec=_INK, lw=0))
+    if not track.flying.all():
+        handles.append(mark("lost", marker="X", ms=8, color=_ALARM, mec="white", lw=0))
+    if len(track.obstacles):
+        handles.append(mark("obstacle", marker="o", ms=8, color=_ROCK, lw=0))
+    handles.append(mark("goal", color=_INK, lw=1.2, ls=(0, (4, 3))))
     axes.legend(
         handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), frameon=False,
         fontsize=9, labelcolor=_ROCK, handletextpad=0.5, columnspacing=1.4, borderaxespad=0.3,

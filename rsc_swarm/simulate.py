@@ -36,7 +36,7 @@ class Simulation:
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
         self.agents = AgentCore(self.mission, me, initial, self.world.sensed, self._frames, self.world.inbox_size)
-        self.watches = [Watch(agents) for _ in missions]
+        self.watches = [Watch(agents, self.mission.swap.cooldown_s) for _ in missions]
         self._tag = swarm_tag(self.mission.swarm)
         self._quiet_bytes = len(encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0))))
         self._boots = np.zeros(self._rows, np.int64)

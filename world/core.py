@@ -28,12 +28,16 @@ EVERYONE = 0  # radio group while the swarm is not parted
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one flight ended. Distances in metres, times in seconds, errors relative to the edge length."""
+    """How one flight ended. Distances in metres, times in seconds, errors relative to the edge length.
+
+    formed_s: when the formation first stood, wherever that was; tau_s: when it stood beyond the goal line.
+    """
 
     success: bool
     failure: str | None
     ticks: int
     tau_s: float | None
+    formed_s: float | None
     max_edge_error: float
     max_slot_error_m: float
     min_distance_m: float
@@ -106,6 +110,7 @@ class WorldCore:
         self._closest = np.full(worlds, np.inf)
         self._closest_text = ["nobody came near anybody"] * worlds
         self._overlap_ticks = np.zeros(worlds)
+        self._formed_tick = np.full(worlds, -1, np.int64)
         self._tau_tick = np.full(worlds, -1, np.int64)
         self._at_tau = np.zeros((worlds, referee.VERDICT_SIZE))
         self._held = np.ones(worlds, np.bool_)
@@ -221,12 +226,13 @@ class WorldCore:
         mission = self.missions[0]
         ended = []
         closest = np.minimum(self.verdict[:, referee.CLOSEST_AGENTS], self.verdict[:, referee.CLOSEST_OBSTACLE])
-        formed = (
+        standing = (
             (self.verdict[:, referee.COMPLETE] > 0)
-            & (self.verdict[:, referee.PASSED] > 0)
             & (self.verdict[:, referee.EDGE_ERROR] < mission.edge_tolerance)
             & self.flying.any(axis=1)
         )
+        self._formed_tick = np.where(standing & (self._formed_tick < 0), self.tick, self._formed_tick)
+        formed = standing & (self.verdict[:, referee.PASSED] > 0)
         hold_ticks = round(mission.hold_s / TICK_S)
         for world in np.flatnonzero(self.active):
             verdict = self.verdict[world]
@@ -278,7 +284,7 @@ class WorldCore:
         return f"{who} at x = {x:.1f} m, y = {y:.1f} m, t = {at}"
 
     def _outcome(self, world: int, failure: str | None) -> Outcome:
-        tau = int(self._tau_tick[world])
+        tau, formed = int(self._tau_tick[world]), int(self._formed_tick[world])
         verdict = self._at_tau[world] if tau >= 0 else self.verdict[world]
         held_known = failure is None and self.missions[0].hold_s > 0
         return Outcome(
@@ -286,6 +292,7 @@ class WorldCore:
             failure=failure,
             ticks=int(self.tick[world]),
             tau_s=round(tau * TICK_S, 2) if tau >= 0 else None,
+            formed_s=round(formed * TICK_S, 2) if formed >= 0 else None,
             max_edge_error=float(verdict[referee.EDGE_ERROR]),
             max_slot_error_m=float(verdict[referee.SLOT_ERROR]),
             min_distance_m=float(self._closest[world]),

@@ -114,7 +114,7 @@ class WorldServer:
         self._sent_bytes = np.zeros(agents, np.int64)
         self._claim = self.core.claim[0].copy()
         self._statuses: dict[int, AgentStatus] = {}
-        self._watch = Watch(agents)
+        self._watch = Watch(agents, mission.swap.cooldown_s)
         self._sizes: list[int] = []
         self._misses = 0
         self._pulsed = 0.0

@@ -2,12 +2,13 @@
 
     permutation  every view gives every slot to exactly one drone
     agreement    drones that know the same swaps (equal digests) have equal views
-    no livelock  in no second are there more swaps than drones
+    no livelock  in no second are there more swaps than all drones together may make, given their cooldown
 
 A breach is kept with the tick, the drones and the two views, and fails the flight. Measured besides: how long after the
 last fault all living drones had the same view again, and how many swaps were undone by a merge.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -33,14 +34,16 @@ class Watched:
 class Watch:
     """Collects the views of N drones as they change."""
 
-    def __init__(self, agents: int) -> None:
-        self._agents = agents
+    def __init__(self, agents: int, cooldown_s: float) -> None:
+        """Watch a swarm of ``agents`` that pause ``cooldown_s`` after a swap."""
         self._everyone = list(range(agents))
         self._status: dict[int, AgentStatus] = {}
         self._view_of: dict[int, tuple[bytes, int]] = {}
         self._swaps = 0
         self._recent: deque[tuple[int, int]] = deque()
         self._most = 0
+        # Both parties pause, so N drones make N/2 swaps a cooldown; each may besides close the ranks once.
+        self._bound = agents * (1 + math.ceil(1 / cooldown_s))
         self._changed = False
         self._living = agents
         self._differ = False
@@ -90,8 +93,8 @@ class Watch:
             self._recent.popleft()
         in_a_second = sum(count for _, count in self._recent)
         self._most = max(self._most, in_a_second)
-        if in_a_second > self._agents and not self.breach:
-            self.breach = f"livelock at tick {tick}: {in_a_second} swaps within one second among {self._agents} drones"
+        if in_a_second > self._bound and not self.breach:
+            self.breach = f"livelock at tick {tick}: {in_a_second} swaps within one second, at most {self._bound} are possible"
 
     def result(self, tick: int) -> Watched:
         """What was seen up to ``tick``."""

@@ -15,42 +15,38 @@ class Gains(NamedTuple):
     """
 
     # Attraction: chain target (set by the leader), slot target (set by the virtual target), heading.
-    chain_pull: float = 0.782  #: 1/s², pull towards the chain target
+    chain_pull: float = 0.546  #: 1/s², pull towards the chain target
     chain_reach: float = 1.095  #: m, chain error beyond which the pull no longer grows
     chain_damping: float = 0.029  #: 1/s, on the velocity relative to the target's
-    slot_pull: float = 2.773  #: 1/s², pull towards the slot target
-    slot_reach: float = 2.073  #: m, slot error beyond which the pull no longer grows
-    slot_damping: float = 1.151  #: 1/s, on the velocity relative to the target's
-    look_ahead: float = 5.727  #: m along the target's motion, added to the error to make the heading
+    slot_pull: float = 2.67  #: 1/s², pull towards the slot target
+    slot_reach: float = 2.09  #: m, slot error beyond which the pull no longer grows
+    slot_damping: float = 1.88  #: 1/s, on the velocity relative to the target's
+    look_ahead: float = 6.02  #: m along the target's motion, added to the error to make the heading
 
     # Agents: Morse repulsion, closest approach, braking, giving way, near-contact barrier.
-    morse_strength: float = 0.252  #: m/s²
+    morse_strength: float = 0.245  #: m/s²
     morse_decay: float = 0.741  #: 1/m
-    morse_range: float = 1.41  #: m, no repulsion and no giving way beyond
-    predict_gain: float = 3.905  #: 1/s, on the closing velocity, away from the predicted miss point
-    predict_radius: float = 1.667  #: m, a predicted miss distance beyond this is no conflict
-    predict_time: float = 1.744  #: s, time constant with which later conflicts count less
-    agent_brake: float = 1.627  #: share of the braking that would stop the closing just in time
-    sidestep: float = 2.237  #: m/s², sideways, when the other is ahead
-    agent_barrier: float = 1.787  #: m/s²
-    agent_barrier_range: float = 1.234  #: m
+    morse_range: float = 1.31  #: m, no repulsion and no giving way beyond
+    predict_gain: float = 3.95  #: 1/s, on the closing velocity, away from the predicted miss point
+    predict_radius: float = 1.18  #: m, a predicted miss distance beyond this is no conflict
+    predict_time: float = 1.23  #: s, time constant with which later conflicts count less
+    agent_brake: float = 1.87  #: share of the braking that would stop the closing just in time
+    sidestep: float = 1.27  #: m/s², sideways, when the other is ahead
+    agent_barrier: float = 1.46  #: m/s²
+    agent_barrier_range: float = 1.32  #: m
 
     # Obstacles: repulsion, braking, barrier; then the way around.
-    obstacle_repulsion: float = 5.491  #: m/s² at contact distance
-    obstacle_range: float = 4.637  #: m from the surface, no push beyond
-    obstacle_brake: float = 2.134  #: share of the braking that would stop the closing just in time
-    obstacle_barrier: float = 0.415  #: m/s²
-    obstacle_barrier_range: float = 0.988  #: m from the surface
-    around: float = (
-        12.0  #: m/s² at contact distance, along the surface, past an obstacle that blocks the heading
-    )
-    release: float = 0.543  #: share of the attraction into a blocking obstacle that is taken away
-    cluster_gap: float = 2.183  #: m between surfaces, below which two obstacles count as one
+    obstacle_repulsion: float = 2.91  #: m/s² at contact distance
+    obstacle_range: float = 5.04  #: m from the surface, no push beyond
+    obstacle_brake: float = 2.11  #: share of the braking that would stop the closing just in time
+    obstacle_barrier: float = 0.445  #: m/s²
+    obstacle_barrier_range: float = 1.3  #: m from the surface
+    around: float = 11.6  #: m/s² at contact distance, along the surface of an obstacle in the way
+    release: float = 0.573  #: share of the attraction into a blocking obstacle that is taken away
+    cluster_gap: float = 1.36  #: m between surfaces, below which two obstacles count as one
     keep_side: float = 1.558  #: m beyond obstacle_range within which the side once chosen is remembered
-    lane: float = 0.6  #: m, half width of the lane along the heading that must be free of obstacles
-    side_loyalty: float = (
-        1.0  #: m, by which the other side must be shorter before a remembered side is given up
-    )
+    lane: float = 0.407  #: m, half width of the lane along the heading that must be free of obstacles
+    side_loyalty: float = 0.715  #: m, by which the other side must be shorter to give up a remembered one
 
 
 class SafetyLimits(NamedTuple):
@@ -60,7 +56,7 @@ class SafetyLimits(NamedTuple):
     decay: float = 4.0  #: 1/s, how fast the barrier h may shrink: dh/dt >= -decay h
     agent_brake: float = 12.0  #: m/s², braking assumed of a pair of agents together
     agent_clearance: float = 0.65  #: m, centre to centre
-    agent_share: float = 0.5  #: share of a pair's burden that one of the two takes
+    agent_share: float = 0.75  #: of a pair's burden taken by each; over half, as one may be held by a wall
     obstacle_brake: float = 6.0  #: m/s², braking assumed before an obstacle
     obstacle_clearance: float = 0.6  #: m from the surface
     row_limit: float = 9.0  #: m/s², no single row asks for more than this

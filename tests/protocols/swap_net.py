@@ -149,6 +149,7 @@ class Oracle:
     The view is a permutation, and is what an independent fold of exactly the known swaps gives.
     The digest is the sum over exactly those swaps, whatever has been folded; so is a checkpoint's.
     A swap was agreed to by both, unless it took a dead agent's slot. No nonce was used twice.
+    What is in a checkpoint has been known to every agent, unless somebody folded by force.
     A swap acted on is undone only by an earlier swap just learned, or by a checkpoint that was adopted.
     """
 
@@ -156,6 +157,7 @@ class Oracle:
         self._swarm = swarm
         self.ever: set[Swap] = set()
         self.known: list[frozenset[Swap]] = [frozenset()] * swarm.n
+        self._knew: list[frozenset[Swap]] = [frozenset()] * swarm.n  # what was forgotten included
         self._start = swarm.parties[0].book.base
         self._swaps_in = {self._start: frozenset[Swap]()}
         self._base = [self._start] * swarm.n
@@ -183,6 +185,9 @@ class Oracle:
             self._swaps_in[book.base] = self._trace(agent, book.base, heard)
         now = self._swaps_in[book.base] | set(book.open)
         self.known[agent], self._base[agent] = now, book.base
+        self._knew[agent] |= now
+        if not any(other.counts.forced for other in self._swarm.parties):
+            assert all(self._swaps_in[book.base] <= knew for knew in self._knew), "folded too early"
         assert sorted(party.slot_of) == list(range(self._swarm.n)), "not a permutation"
         assert party.slot_of == fold(now, self._swarm.n), "the view is not the fold of the swaps"
         assert party.digest == self._digest(now), "the digest is not that of the swaps"

@@ -191,6 +191,15 @@ def test_of_two_checkpoints_the_larger_prevails() -> None:
     assert smaller.slot_of == (1, 0, 3, 2)
 
 
+def test_of_two_checkpoints_of_one_size_the_larger_digest_prevails() -> None:
+    one, other = book_of(NEAR), book_of(FAR)
+    for book in (one, other):
+        book.fold(1)
+    bases = {one.base, other.base}
+    assert one.adopt(other.base) != other.adopt(one.base)
+    assert one.base == other.base == max(bases, key=lambda base: base.mark)
+
+
 def test_a_checkpoint_must_be_a_permutation() -> None:
     book = book_of(NEAR)
     with pytest.raises(ValueError, match="permutation"):

@@ -165,8 +165,9 @@ def in_words(note: SlotNote) -> str:
     for op in note.ops:
         slots = f"{op.agent_a} and {op.agent_b}, slots {op.slot_a} and {op.slot_b}"
         said.append(f"swap {op.counter} by {op.initiator}: {slots}")
-    if note.acks:
-        said.append("I know what has reached " + ", ".join(str(ack.agent) for ack in note.acks))
+    if note.had:
+        who = [str(agent) for agent in range(note.had.bit_length()) if note.had >> agent & 1]
+        said.append(f"{' '.join(who)} had just these swaps")
     if note.checkpoint:
         said.append(f"a checkpoint of {note.checkpoint.size}")
     return "says: " + ("; ".join(said) or "nothing new")

@@ -39,7 +39,7 @@ from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
 
 DEEP = os.environ.get("RSC_SWARM_DEEP") == "1"
 RULES = SwapRules(
-    cooldown_ticks=0, answer_ticks=1, lock_ticks=1, retry_ticks=0, repair_frames=1, acks_per_frame=0
+    cooldown_ticks=0, answer_ticks=1, lock_ticks=1, retry_ticks=0, repair_frames=1, ack_frames=0
 )
 ROUNDS = 4
 

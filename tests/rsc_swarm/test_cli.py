@@ -160,8 +160,8 @@ def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
 
 def test_help_and_version_answer_without_loading_anything_heavy():
     heavy = "{'numba', 'numpy', 'pydantic', 'matplotlib', 'zenoh', 'yaml'}"
-    code = f"import sys; import rsc_swarm.cli; sys.exit(str({heavy} & set(sys.modules) or ''))"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr == ""
+    code = f"import sys, rsc_swarm.cli; print({heavy} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
     said = subprocess.run(
         [*COMMAND, "simulate", "--help"], capture_output=True, text=True, env={**os.environ, "NO_COLOR": "1"}
     )
@@ -178,15 +178,29 @@ def test_ctrl_c_stops_a_flight_cleanly_and_says_what_was_reached(tmp_path):
         [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stderr is not None
-    first = process.stderr.readline()
-    while not first.startswith("t "):  # it may say first that it compiles
-        first = process.stderr.readline()
+    for said in process.stderr:  # it may say first that it compiles
+        if said.startswith("t "):
+            break
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130
     assert out == ""
     assert err.splitlines()[-1].startswith("stopped at t ")
     assert (tmp_path / "run" / "trajectory.npz").is_file()
+
+
+def test_a_launch_is_the_flight_of_the_simulation(run):
+    arguments = ("--agents", "2", "--set", "time_limit_s=0.5", "--json", "-")
+    reports = []
+    for mode in ("simulate", "launch"):
+        said = subprocess.run([*COMMAND, mode, *arguments], capture_output=True, text=True)
+        assert said.returncode == 1, said.stderr
+        reports.append(FlightReport.model_validate_json(said.stdout))
+    simulated, launched = reports
+    assert launched.mode == "launch"
+    assert launched.digest == simulated.digest
+    assert launched.frames == simulated.frames
+    assert launched.first_tick_s is not None
 
 
 def test_on_a_terminal_there_is_a_live_view_and_no_color_is_respected():

@@ -1,0 +1,44 @@
+"""A policy such as a user would write: nothing of it is known to the project but its address."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.policy import Seen
+from protocols.mission import Mission
+
+
+class Homing:
+    """Goes straight to its slot, as a well damped spring."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.limit = mission.limits.acceleration_mps2
+
+    def act(self, seen: Seen) -> NDArray[np.float64]:
+        """Wanted acceleration (A, 2) m/s^2."""
+        wanted = 1.5 * seen.slot_error + 2.5 * (seen.target_velocity - seen.velocity)
+        return np.clip(wanted, -self.limit, self.limit)
+
+
+class Nonsense:
+    """Wants what is no number at all, and more than there is."""
+
+    def __init__(self, mission: Mission) -> None:
+        pass
+
+    def act(self, seen: Seen) -> NDArray[np.float64]:
+        """Not a number, infinity, and the largest number there is, in turn."""
+        return np.full((len(seen.awake), 2), (np.nan, np.inf, -1.7e308)[seen.tick % 3])
+
+
+class Mute:
+    """Has no act."""
+
+    def __init__(self, mission: Mission) -> None:
+        pass
+
+
+class Choosy:
+    """Flies in one kind of mission only."""
+
+    def __init__(self, mission: Mission) -> None:
+        raise ValueError(f"made for 9 agents, not {mission.agents}")

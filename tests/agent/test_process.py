@@ -1,0 +1,258 @@
+"""A drone's process: bad frames are counted and change nothing, and it leaves when it should."""
+
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agent import process
+from agent.process import Drone, fly
+from protocols import messages
+from protocols.frames import MAX_FRAME_BYTES, REASONS, VERSION, encode_frame, swarm_tag
+from protocols.mission import parse_mission
+from protocols.sensed import empty_sensed, pack_sensed
+from protocols.swap import SlotNote, encode
+from rsc_swarm.simulate import Simulation
+from tests import loopback
+
+MISSION = parse_mission({"agents": 6})
+ME, TAG = 2, swarm_tag("rsc")
+
+
+def sensed() -> Any:
+    rows = empty_sensed(1)
+    rows.motion[0] = [1, 2, 3, 0.5, 0, 0, 3, 0]
+    rows.near_count[0], rows.near[0, 0] = 1, [0, 3, 1, 0, 0]
+    return pack_sensed(rows, 0)
+
+
+def drone() -> Drone:
+    return Drone(MISSION, ME, bytes(range(6)), 0)
+
+
+def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
+    """What the others say in tick ``ticks`` - 1 of a real flight, in which slots are being traded."""
+    simulation = Simulation([parse_mission({"agents": 6, "start": {"scrambled": True}, "seed": 6})])
+    for _ in range(ticks):
+        simulation.tick()
+    first = (simulation.clock - 1) % simulation.world.ring * 6
+    said = []
+    for row in range(first, first + 6):
+        note = simulation.agents.notes[row] if simulation._frames.loud[row] else SlotNote(int(simulation._frames.digest[row]), True)
+        assert isinstance(note, SlotNote)
+        if simulation._frames.sender[row] != ME:
+            said.append(encode_frame(TAG, simulation._frames, row, encode(note)))
+    return said
+
+
+GOOD = frames_of_a_flight()
+NOW = 30
+
+
+def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[bytes], dict[str, int]]:
+    """A drone's answers to some ticks in a row, without its account of itself; what it has rejected."""
+    one, said = drone(), []
+    for tick in range(NOW, NOW + ticks):
+        kind, fields = messages.unpack(one.answer(tick, sensed(), heard if tick == NOW else []))
+        said.append(messages.pack(kind, *fields[:5]))
+    return said, one.rejected
+
+
+DEAF = answers([])[0]
+
+
+def altered(place: int, value: Any, data: bytes = GOOD[0]) -> bytes:
+    parts = msgpack.unpackb(data)
+    parts[place] = value
+    packed: bytes = msgpack.packb(parts)
+    return packed
+
+
+def rejected(**counts: int) -> dict[str, int]:
+    return {**dict.fromkeys(REASONS, 0), **counts}
+
+
+def test_good_frames_are_believed() -> None:
+    said, counts = answers(GOOD)
+    assert said != DEAF
+    assert counts == rejected()
+
+
+def own_voice() -> bytes:
+    fixed = bytearray(msgpack.unpackb(GOOD[0])[2])
+    fixed[-5] = ME
+    return altered(2, bytes(fixed))
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "malformed"),
+        (b"\xc1 no frame", "malformed"),
+        (bytes(MAX_FRAME_BYTES + 1), "oversized"),
+        (altered(0, VERSION + 1), "version"),
+        (altered(1, swarm_tag("other")), "foreign"),
+        (altered(3, 7), "malformed"),
+        (altered(5, None), "malformed"),
+        (altered(5, [1]), "malformed"),
+        (altered(5, [-1, 1]), "malformed"),
+        (altered(5, [1, 2]), "malformed"),
+        (altered(5, [1, 1, 0, [0, 1, 2, 2], None, [], None, [], [], None]), "malformed"),
+        (altered(5, [1, 1, 0, None, None, [], None, [], [], [bytes(6), 1, 1, 1]]), "malformed"),
+        (altered(4, np.full(len(msgpack.unpackb(GOOD[0])[4]) // 4, np.nan, np.float32).tobytes()), "non-finite"),
+        (own_voice(), "sender"),
+    ],
+)
+def test_a_bad_frame_is_counted_by_its_reason_and_as_good_as_unheard(data: bytes, reason: str) -> None:
+    assert answers([data]) == (DEAF, rejected(**{reason: 1}))
+
+
+def test_a_frame_from_the_past_or_the_future_is_stale() -> None:
+    late = drone()
+    late.answer(NOW + 500, sensed(), GOOD)
+    early = drone()
+    early.answer(NOW - 1, sensed(), GOOD)
+    assert late.rejected == early.rejected == rejected(stale=5)
+
+
+def test_bad_frames_between_good_ones_take_nothing_from_them() -> None:
+    mixed = [b"", GOOD[0], altered(3, None), GOOD[1], bytes(2000), *GOOD[2:], own_voice()]
+    said, counts = answers(mixed)
+    assert said == answers(GOOD)[0]
+    assert counts == rejected(malformed=2, oversized=1, sender=1)
+
+
+@given(garbage=st.lists(st.binary(max_size=1100), max_size=8))
+def test_random_bytes_leave_a_drone_as_it_was(garbage: list[bytes]) -> None:
+    said, counts = answers(garbage)
+    assert said == DEAF
+    assert sum(counts.values()) == len(garbage)
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=60) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=11),
+    max_leaves=15,
+)  # fmt: skip
+
+
+@settings(max_examples=200)
+@given(which=st.integers(0, len(GOOD) - 1), place=st.integers(0, 5), value=ANYTHING)
+def test_a_good_frame_with_any_part_replaced_is_no_crash(which: int, place: int, value: Any) -> None:
+    data = altered(place, value, GOOD[which])
+    said, counts = answers([data])
+    assert sum(counts.values()) == 0 or said == DEAF
+
+
+@settings(max_examples=200)
+@given(which=st.integers(0, len(GOOD) - 1), at=st.integers(0, 4000), flip=st.integers(1, 255))
+def test_a_good_frame_with_one_byte_changed_is_believed_or_as_good_as_unheard(which: int, at: int, flip: int) -> None:
+    data = bytearray(GOOD[which])
+    data[at % len(data)] ^= flip
+    said, counts = answers([bytes(data)])
+    assert sum(counts.values()) == 0 or said == DEAF
+    assert all(np.isfinite(messages.unpack(answer)[1][1]) for answer in said)
+
+
+NOTES = st.tuples(
+    st.integers(0, 2**64 - 1), st.integers(0, 1), st.integers(0, 1),
+    st.none() | st.lists(st.integers(0, 6), min_size=4, max_size=4),
+    st.none() | st.lists(st.integers(0, 6), min_size=3, max_size=3),
+    st.lists(st.lists(st.integers(0, 6), min_size=2, max_size=2), max_size=3),
+    st.none() | st.lists(st.integers(0, 6), min_size=2, max_size=2),
+    st.lists(st.lists(st.integers(0, 5), min_size=7, max_size=7), max_size=4),
+    st.lists(st.lists(st.integers(0, 5), min_size=5, max_size=5), max_size=4),
+    st.none() | st.permutations(range(6)).map(lambda view: [bytes(view), 5, 3, 2]),
+)  # fmt: skip
+
+
+@settings(max_examples=200)
+@given(notes=st.lists(NOTES, min_size=1, max_size=5))
+def test_whatever_neighbours_say_about_slots_a_drone_goes_on_and_holds_one(notes: list[Any]) -> None:
+    one = drone()
+    heard = [altered(5, note, frame) for note, frame in zip(notes, GOOD, strict=False)]
+    one.answer(NOW, sensed(), heard)
+    kind, fields = messages.unpack(one.answer(NOW + 1, sensed(), []))
+    assert kind == messages.REPLY
+    assert 0 <= fields[3] < 6
+    assert sorted(one.status().view) == list(range(6))
+
+
+def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None:
+    steady = parse_mission({"start": {"radius_m": 0}, "obstacles": {"discs": []}, "time_limit_s": 1.5})
+    assert loopback.fly(steady).median_frame_bytes <= 250
+
+
+def test_a_drone_that_begins_in_mid_flight_takes_nobody_for_dead() -> None:
+    one = Drone(MISSION, ME, bytes(range(6)), 1)
+    one.answer(900, sensed(), [])
+    assert one.core.memory.last_seen[0].tolist() == [900] * 6
+
+
+class Script:
+    """A link on which the world says these messages one after the other, and then nothing."""
+
+    def __init__(self, *said: bytes) -> None:
+        self.said, self.heard = list(said), []
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        return self.said.pop(0) if self.said else None
+
+    def send(self, payload: bytes) -> None:
+        self.heard.append(messages.unpack(payload))
+
+
+WELCOME = messages.pack(messages.WELCOME, MISSION.model_dump(mode="json"), bytes(range(6)), 0)
+BYE = messages.pack(messages.BYE)
+
+
+def tick_message(tick: int) -> bytes:
+    return messages.pack(messages.TICK, tick, sensed(), [])
+
+
+def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
+    world = Script(WELCOME, tick_message(0), messages.pack(messages.WAIT), tick_message(1), BYE)
+    assert fly(world, ME, lambda: False) == "the flight is over"
+    assert [kind for kind, _ in world.heard] == [messages.HELLO, messages.READY] + [messages.REPLY] * 3
+    assert [fields[0] for _, fields in world.heard[2:]] == [0, 1, 1]
+    assert world.heard[-1][1][5] is not None, "the last reply brings its account"
+
+
+def test_a_drone_repeats_its_hello_until_it_is_welcomed_and_leaves_a_silent_world() -> None:
+    world = Script()
+    assert fly(world, ME, lambda: False) == "the world has fallen silent"
+    assert [kind for kind, _ in world.heard] == [messages.HELLO] * len(world.heard)
+    assert len(world.heard) > 3
+
+
+def test_a_world_that_only_says_wait_is_not_silent() -> None:
+    world = Script(*[messages.pack(messages.WAIT)] * 50, BYE)
+    assert fly(world, ME, lambda: False) == "the flight is over"
+
+
+def test_a_drone_leaves_when_asked_to() -> None:
+    world = Script(WELCOME, *(tick_message(tick) for tick in range(100)))
+    assert fly(world, ME, lambda: len(world.heard) > 10) == "asked to leave"
+    assert len(world.heard) == 11
+
+
+def test_ticks_before_the_welcome_are_not_answered() -> None:
+    world = Script(tick_message(0), WELCOME, tick_message(1), BYE)
+    fly(world, ME, lambda: False)
+    assert [fields[0] for kind, fields in world.heard if kind == messages.REPLY] == [1, 1]
+
+
+def test_a_second_welcome_does_not_make_a_drone_forget() -> None:
+    world = Script(WELCOME, tick_message(0), WELCOME, tick_message(1), BYE)
+    fly(world, ME, lambda: False)
+    assert [kind for kind, _ in world.heard].count(messages.READY) == 1
+
+
+def test_a_drone_tells_of_itself_now_and_then() -> None:
+    one = drone()
+    told = [messages.unpack(one.answer(tick, sensed(), []))[1][5] is not None for tick in range(101)]
+    assert [tick for tick, status in enumerate(told) if status] == [0, 50, 100]
+    assert process._STATUS_EVERY == 50

@@ -1,0 +1,99 @@
+"""Crashes: a drone that dies is named and the others fly on; whatever dies besides, nothing is left behind."""
+
+import json
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.scenarios.flights import Fields, Launcher
+
+# Never at its goal, so that it is in the air whenever the test strikes.
+ENDLESS: Fields = {"agents": 6, "goal_x_m": 1e6, "time_limit_s": 3600, "obstacles": {"discs": []}}
+NOTHING_LEFT_S = 2.0
+
+
+@pytest.fixture
+def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Fields], Launcher]]:
+    begun: list[Launcher] = []
+
+    def start(fields: Fields) -> Launcher:
+        launcher = Launcher(fields, tmp_path_factory.mktemp("run"))
+        begun.append(launcher)
+        launcher.await_tick(50)
+        assert sorted(launcher.children) == [*(f"agent-{agent}" for agent in range(6)), "world"]
+        assert any(name.startswith("rsc-swarm-run-") for name in launcher.remains())
+        return launcher
+
+    yield start
+    for launcher in begun:
+        launcher.clean_up()
+
+
+def test_a_drone_that_is_killed_is_named_and_the_others_fly_on_to_the_end(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch({**ENDLESS, "time_limit_s": 60})
+    flight.hit("agent-4")
+    code, said = flight.end()
+    assert code == 0
+    assert json.loads(said[-1]) == {"lost": [4], "ticks": 6000, "failure": "late"}
+    assert flight.is_gone_within(NOTHING_LEFT_S)
+
+
+def test_two_drones_that_are_killed_are_both_named(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch({**ENDLESS, "time_limit_s": 30})
+    flight.hit("agent-0")
+    flight.hit("agent-5")
+    assert json.loads(flight.end()[1][-1])["lost"] == [0, 5]
+
+
+def test_a_world_that_is_killed_breaks_the_run_in_one_line(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch(ENDLESS)
+    pid = flight.children["world"].pid
+    flight.hit("world")
+    code, said = flight.end(within_s=10)
+    assert code == 3
+    assert said == [f"broken: world (process {pid}) was ended by SIGKILL"]
+    assert flight.is_gone_within(NOTHING_LEFT_S)
+
+
+def test_when_all_drones_are_killed_the_flight_ends(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch(ENDLESS)
+    for agent in range(6):
+        flight.hit(f"agent-{agent}")
+    code, said = flight.end(within_s=20)
+    assert code == 0
+    outcome = json.loads(said[-1])
+    assert (outcome["failure"], outcome["lost"]) == ("all-lost", list(range(6)))
+
+
+def test_a_launcher_that_is_killed_leaves_nothing_behind(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch(ENDLESS)
+    flight.process.kill()
+    assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
+
+
+def test_a_launcher_stopped_with_its_drones_frozen_leaves_nothing_behind(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch({**ENDLESS, "faults": [{"at_s": 0.2, "kind": "freeze", "agents": [1, 2]}]})
+    flight.process.kill()
+    assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM)])
+def test_a_launcher_asked_to_stop_ends_all_and_leaves_nothing(
+    launch: Callable[[Fields], Launcher], number: signal.Signals, code: int
+) -> None:
+    flight = launch(ENDLESS)
+    flight.process.send_signal(number)
+    assert flight.end(within_s=10)[0] == code
+    assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
+
+
+def test_a_finished_flight_leaves_its_logs_its_path_and_nothing_else(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch({**ENDLESS, "time_limit_s": 5})
+    assert flight.end()[0] == 0
+    assert flight.is_gone_within(NOTHING_LEFT_S)
+    run: Path = flight.here / "run"
+    assert (run / "trajectory.npz").stat().st_size > 0
+    assert sorted(path.name for path in (run / "logs").iterdir()) == [*(f"agent-{agent}.log" for agent in range(6)), "world.log"]
+    assert (run / "logs" / "agent-3.log").read_text() == "agent 3: the flight is over\n"

@@ -1,0 +1,66 @@
+"""Faults a mission asks for: done to real processes, they make the flight that the simulation makes of them."""
+
+from typing import Any
+
+import pytest
+
+from tests.scenarios.flights import Fields, launched
+from tests.scenarios.test_twins import simulated
+
+TASK: Fields = {
+    "agents": 6,
+    "formation": {"shape": "triangle"},
+    "time_limit_s": 4.0,
+    "swap": {"silent_s": 0.5},
+    "seed": 6,
+}
+
+
+def fault(at_s: float, kind: str, **what: Any) -> Fields:
+    return {"at_s": at_s, "kind": kind, **what}
+
+
+FAULTS: dict[str, list[Fields]] = {
+    "kill": [fault(1, "kill", slots=[1])],
+    "freeze-and-thaw": [fault(1, "freeze", agents=[2]), fault(2, "thaw", agents=[2])],
+    "frozen-to-the-end": [fault(1, "freeze", agents=[3])],
+    "restart": [fault(1, "restart", agents=[1])],
+    "killed-and-restarted": [fault(1, "kill", agents=[1, 4]), fault(2.5, "restart", agents=[1])],
+    "frozen-and-restarted": [fault(1, "freeze", slots=[4]), fault(1.5, "restart", slots=[4])],
+    "restarted-when-its-leader-is-dead": [fault(1, "kill", slots=[1]), fault(1.2, "restart", slots=[0])],
+    "restarted-twice": [fault(1, "restart", agents=[1]), fault(2, "restart", agents=[1])],
+    "part-and-heal": [fault(0.3, "part", groups=[[0, 1, 2], [3, 4, 5]]), fault(2.5, "heal")],
+    "slow-and-recover": [fault(0, "slow", slots=[4], factor=0.5), fault(2, "recover", slots=[4])],
+    "thaw-of-the-dead": [fault(1, "kill", agents=[0]), fault(1.5, "thaw", agents=[0])],
+}
+
+
+def test_every_fault_flies_in_processes_as_it_does_in_one() -> None:
+    tasks = [{**TASK, "faults": faults} for faults in FAULTS.values()]
+    flights = dict(zip(FAULTS, launched(*tasks), strict=True))
+    undisturbed = simulated(TASK)["digest"]
+    for name, task in zip(FAULTS, tasks, strict=True):
+        outcome = flights[name]["outcome"]
+        assert outcome == simulated(task), name
+        assert outcome["digest"] != undisturbed, name
+        assert flights[name]["breach"] is None, name
+        assert outcome["ticks"] == 400, name
+    assert flights["kill"]["outcome"]["lost_agents"] == [1]
+    assert flights["restart"]["outcome"]["lost_agents"] == []
+    assert flights["killed-and-restarted"]["outcome"]["lost_agents"] == [4]
+    assert flights["thaw-of-the-dead"]["outcome"]["lost_agents"] == [0]
+
+
+@pytest.mark.parametrize("scrambled", [False, True])
+def test_faults_in_a_scrambled_swarm_fly_in_processes_as_in_one(scrambled: bool) -> None:
+    faults = [
+        fault(0.4, "part", groups=[[0, 1, 2], [3, 4, 5]]),
+        fault(0.8, "freeze", agents=[1]),
+        fault(1.2, "thaw", agents=[1]),
+        fault(1.4, "heal"),
+        fault(1.5, "kill", slots=[4]),
+        fault(2.5, "restart", agents=[5]),
+    ]
+    task = {**TASK, "start": {"scrambled": scrambled}, "faults": faults, "radio": {"loss": 0.2}}
+    (flight,) = launched(task)
+    assert flight["outcome"] == simulated(task)

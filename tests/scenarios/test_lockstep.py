@@ -1,0 +1,20 @@
+"""Clocks: lockstep is as fast as the machine, realtime keeps a hundred ticks to the second."""
+
+from tests.scenarios.flights import Fields, launched
+
+SIX: Fields = {"agents": 6, "map_seed": 3}
+
+
+def test_in_real_time_six_drones_hold_a_hundred_ticks_a_second_and_succeed() -> None:
+    (flight,) = launched(SIX, clock="realtime")
+    outcome = flight["outcome"]
+    assert outcome["success"], outcome
+    assert abs(flight["wall_s"] / (outcome["ticks"] * 0.01) - 1) < 0.1
+
+
+def test_lockstep_misses_nothing_and_every_drone_tells_of_itself() -> None:
+    (flight,) = launched({**SIX, "time_limit_s": 1.0})
+    assert flight["deadline_misses"] == 0
+    assert flight["outcome"]["lost_agents"] == []
+    assert flight["told"] == list(range(6))
+    assert flight["tally"]["sent"] == 600

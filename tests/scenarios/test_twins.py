@@ -1,0 +1,94 @@
+"""Twins: a flight in real processes is, bit for bit, the flight of the same mission in one process."""
+
+from typing import Any
+
+import pytest
+
+from protocols.mission import parse_mission
+from rsc_swarm.simulate import simulate
+from tests.scenarios.flights import Fields, launched
+
+TWENTY_FIVE: Fields = {"agents": 25, "time_limit_s": 2.0, "start": {"scrambled": True}}
+SIX: Fields = {"agents": 6, "time_limit_s": 4.0, "start": {"scrambled": True}, "seed": 6}
+
+RADIOS: dict[str, Fields] = {
+    "perfect": {},
+    "loss": {"loss": 0.3},
+    "burst": {"burst": {"loss": 0.5, "length_s": 0.3}},
+    "delay-jitter-duplicates-reordering": {"delay_ms": 20, "jitter_ms": 30, "duplicate": 0.2, "reorder": 0.2},
+    "ten-hertz": {"frame_rate_hz": 10},
+    "everything": {
+        "loss": 0.1, "burst": {"loss": 0.2}, "delay_ms": 10, "jitter_ms": 20, "duplicate": 0.1, "reorder": 0.1,
+        "frame_rate_hz": 50,
+    },
+}  # fmt: skip
+
+
+def simulated(fields: Fields) -> Fields:
+    """The outcome of the same flight in this process, and its radio traffic."""
+    from dataclasses import asdict
+
+    outcome = asdict(simulate([parse_mission(fields)])[0])
+    outcome["lost_agents"] = list(outcome["lost_agents"])
+    return outcome
+
+
+def with_radios(task: Fields) -> list[Fields]:
+    return [{**task, "radio": radio} for radio in RADIOS.values()]
+
+
+@pytest.mark.parametrize("task", [SIX, TWENTY_FIVE], ids=["six", "twenty-five"])
+def test_launch_and_simulate_fly_the_same_flight_over_every_radio(task: Fields) -> None:
+    tasks = with_radios(task)
+    flights = launched(*tasks)
+    digests = [flight["outcome"]["digest"] for flight in flights]
+    assert len(set(digests)) == len(tasks), "every radio makes a flight of its own"
+    for name, fields, flight in zip(RADIOS, tasks, flights, strict=True):
+        assert flight["outcome"] == simulated(fields), name
+        assert flight["breach"] is None
+        assert flight["rejected"] == 0
+    assert all(flight["outcome"]["ticks"] == round(100 * task["time_limit_s"]) for flight in flights)
+
+
+def test_twins_agree_to_the_very_end_of_a_whole_flight() -> None:
+    task: Fields = {"agents": 6, "map_seed": 3, "hold_s": 0.5}
+    (flight,) = launched(task)
+    assert flight["outcome"]["success"]
+    assert flight["outcome"] == simulated(task)
+
+
+@pytest.mark.parametrize(
+    "way",
+    [{"aim": "chain"}, {"sensing": {"neighbours": "heard"}}, {"swap": {"rule": "tree"}}, {"policy": "cruise"}],
+    ids=lambda way: next(iter(way)),
+)
+def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:
+    # Over bytes, without processes: what else could make a difference is the same for all of them.
+    from tests import loopback
+
+    task = {**SIX, **way, "radio": {"loss": 0.2}}
+    assert loopback.fly(parse_mission(task)).outcome == simulate([parse_mission(task)])[0]
+
+
+def test_the_same_seed_is_the_same_flight_and_another_seed_another() -> None:
+    lossy: Fields = {**SIX, "time_limit_s": 1.0, "radio": RADIOS["everything"]}
+    digests = [flight["outcome"]["digest"] for flight in launched(lossy, lossy, {**lossy, "seed": 7})]
+    assert digests[0] == digests[1]
+    assert digests[0] != digests[2]
+
+
+def test_no_frame_from_beyond_radio_range_reaches_a_drone() -> None:
+    """In real processes: the world counts what it delivers, and every drone is farther than 6 m from all but its next."""
+    abreast: Fields = {
+        "agents": 6,
+        "formation": {"shape": "line"},
+        "start": {"radius_m": 0},
+        "obstacles": {"discs": []},
+        "time_limit_s": 1.0,
+    }
+    (flight,) = launched(abreast)
+    tally: dict[str, Any] = flight["tally"]
+    # Six abreast have five pairs of neighbours: ten directed links, and one tick that is still under way at the end.
+    assert tally["sent"] == 600
+    assert tally["delivered"] == 10 * 99
+    assert tally["out_of_range"] == 20 * 100
