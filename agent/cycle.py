@@ -14,11 +14,11 @@ from agent.perceive import compose_row, perceive_row
 from protocols import trigger
 from protocols.dynamics import ABSURD_MPS2
 from protocols.frames import Frames
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel, kernel
 from protocols.sensed import Sensed
 
 
-@kernel
+@inlined_kernel
 def _aim_and_observe(
     row: int, rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, memory: Memory
 ) -> None:
@@ -29,7 +29,7 @@ def _aim_and_observe(
     observe_row(row, rules.reach_m, sensed, memory, work.slot_error, work.observation)
 
 
-@kernel
+@inlined_kernel
 def _ask_triggers(tick: int, row: int, rules: Rules, shape: Shape, views: Views, work: Work, memory: Memory) -> None:
     me, ex, ey = work.me[row], work.chain_error[row, 0], work.chain_error[row, 1]
     work.partner[row] = trigger.swap_partner(

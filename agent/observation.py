@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from agent.memory import Memory
 from protocols.formation import NO_PARENT
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 from protocols.relative import UNKNOWN
 from protocols.sensed import Sensed
 
 
-@kernel
+@inlined_kernel
 def aim_row(
     row: int,
     me: int,
@@ -55,7 +55,7 @@ def aim_row(
             chain_error[row, 1] = memory.rel[row, leader, 1] + offsets[slot, 1] - offsets[above, 1]
 
 
-@kernel
+@inlined_kernel
 def _two_nearest(distance: NDArray[np.float64], count: int) -> tuple[int, int]:
     first, second = -1, -1
     for index in range(count):
@@ -66,7 +66,7 @@ def _two_nearest(distance: NDArray[np.float64], count: int) -> tuple[int, int]:
     return first, second
 
 
-@kernel
+@inlined_kernel
 def observe_row(
     row: int,
     reach: float,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from agent.desk import Rules, Work
 from agent.memory import Memory
 from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, OBSERVATION_SIZE, OBSERVATION_UNIT, Frames
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 from protocols.mission import TICK_S
 from protocols.relative import chain_displacements
 from protocols.sensed import Sensed
@@ -16,7 +16,7 @@ from protocols.sensed import Sensed
 _SAME_DISC_M = 0.25  # two sightings closer than this are one obstacle
 
 
-@kernel
+@inlined_kernel
 def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
     """Keep what frame ``index`` says if it is newer than the sender's last; merge whom its sender has heard lately."""
     sender, tick = np.int64(frames.sender[index]), np.int64(frames.tick[index])
@@ -45,7 +45,7 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
         displacement[entry, 1] = frames.displacement[index, entry, 1]
 
 
-@kernel
+@inlined_kernel
 def find_neighbours(
     memory: Memory, row: int, me: int, tick: int, sensed: Sensed, by_sensor: bool, keep: int, range_m: float
 ) -> None:
@@ -76,7 +76,7 @@ def find_neighbours(
     memory.near_count[row] = count
 
 
-@kernel
+@inlined_kernel
 def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -> None:
     """Bring the list of obstacles up to date with what is sensed now; without memory, drop what is out of sight."""
     px, py = sensed.motion[row, 0], sensed.motion[row, 1]
@@ -108,7 +108,7 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
     memory.disc_count[row] = kept
 
 
-@kernel
+@inlined_kernel
 def perceive_row(
     tick: int, row: int, rules: Rules, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> None:
@@ -137,7 +137,7 @@ def perceive_row(
     )
 
 
-@kernel
+@inlined_kernel
 def compose_row(
     tick: int, row: int, out: int, slot: int, rules: Rules, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> None:

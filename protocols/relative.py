@@ -13,13 +13,13 @@ believed for ``memory`` ticks: its last displacements are held.
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 
 UNKNOWN = 99  # hops to a drone that is out of reach
 NEVER = -1_000_000  # tick of something that has not happened
 
 
-@kernel
+@inlined_kernel
 def chain_displacements(
     me: int,
     tick: int,

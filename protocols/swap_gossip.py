@@ -6,8 +6,8 @@ The rules
     2. While swaps are open, notes say who is known to have had exactly the sender's swaps. What all have had
        is folded: no older swap can still come, as an agent's later swaps count more than any it has had.
        Without news of who has had them the notes fall silent, but for one frame every `ack_ticks`.
-    3. Whoever hears a settled note of its own digest folds too: the sender knew that all have had them. Who has
-       unlike swaps and a smaller checkpoint is sent the larger one, and takes it over.
+    3. Whoever hears a settled note of its own digest folds too: the sender knew that all have had them. Who
+       has unlike swaps and a smaller checkpoint is sent the larger one, and takes it over.
     4. The dead learn nothing. Of more than `open_max` open swaps the older half is folded regardless.
     5. An amnesiac has joined when it has heard a neighbour's checkpoint and then an equal digest.
 """

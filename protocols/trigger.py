@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.formation import NO_PARENT
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import UNKNOWN
 
 OFF, TREE, CONTACT = 0, 1, 2
@@ -29,7 +29,7 @@ RULES = {"off": OFF, "tree": TREE, "contact": CONTACT}
 NOBODY = -1
 
 
-@kernel
+@inlined_kernel
 def tree_gain(ex: float, ey: float, rx: float, ry: float, dx: float, dy: float, margin: float) -> float:
     """The paper's trigger between me, leader, and a follower: metres gained by the two together, or 0 if not triggered.
 
@@ -44,7 +44,7 @@ def tree_gain(ex: float, ey: float, rx: float, ry: float, dx: float, dy: float, 
     return 0.0
 
 
-@kernel
+@inlined_kernel
 def contact_gain(rx: float, ry: float, dx: float, dy: float, margin: float) -> float:
     """Fall in the sum of squared distances to the two slots [m^2], or 0 if the other is not ``margin`` metres wrong."""
     along = rx * dx + ry * dy
@@ -91,7 +91,7 @@ def affected_connected(
     return found == count
 
 
-@kernel
+@inlined_kernel
 def swap_partner(
     me: int,
     tick: int,
@@ -129,7 +129,7 @@ def swap_partner(
     return best
 
 
-@kernel
+@inlined_kernel
 def vacancy_to_fill(
     me: int,
     tick: int,

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.gains import Gains
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 
 CONTACT = 0.5  #: m, the distance at which two agents collide
 
 
-@kernel
+@inlined_kernel
 def pair_term(
     r_x: float, r_y: float, w_x: float, w_y: float, u_x: float, u_y: float, gains: Gains
 ) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def pair_term(
     return a_x, a_y
 
 
-@kernel
+@inlined_kernel
 def agent_terms(
     k: int,
     rel: NDArray[np.float64],

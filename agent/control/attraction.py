@@ -13,10 +13,10 @@ its way.
 import math
 
 from agent.control.gains import Gains
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 
 
-@kernel
+@inlined_kernel
 def saturated(x: float, y: float, reach: float) -> tuple[float, float]:
     """``(x, y)`` shortened to length ``reach`` where it is longer."""
     length = math.sqrt(x * x + y * y)
@@ -26,7 +26,7 @@ def saturated(x: float, y: float, reach: float) -> tuple[float, float]:
     return x * scale, y * scale
 
 
-@kernel
+@inlined_kernel
 def attraction(
     ec_x: float,
     ec_y: float,
@@ -47,7 +47,7 @@ def attraction(
     return a_x, a_y
 
 
-@kernel
+@inlined_kernel
 def heading(
     ec_x: float, ec_y: float, eg_x: float, eg_y: float, vt_x: float, vt_y: float, gains: Gains
 ) -> tuple[float, float]:

@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.gains import Gains
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 
 CONTACT = 0.5  #: m from the surface, the distance that counts as a collision
 LEFT = 1
 RIGHT = -1
 
 
-@kernel
+@inlined_kernel
 def cluster_of(first: int, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64], gap: float) -> int:
     """Obstacles (bit i: obstacle i) that gaps below ``gap`` [m] link to obstacle ``first``, with itself."""
     cluster = 1 << first
@@ -50,7 +50,7 @@ def cluster_of(first: int, m: int, rel: NDArray[np.float64], radius: NDArray[np.
     return cluster
 
 
-@kernel
+@inlined_kernel
 def choose_side(
     cluster: int,
     m: int,
@@ -100,7 +100,7 @@ def choose_side(
     return decided if blocks else 0
 
 
-@kernel
+@inlined_kernel
 def obstacle_term(
     r_x: float,
     r_y: float,
@@ -139,7 +139,7 @@ def obstacle_term(
     return push * n_x - along * n_y, push * n_y + along * n_x
 
 
-@kernel
+@inlined_kernel
 def obstacle_terms(
     m: int,
     rel: NDArray[np.float64],

@@ -7,10 +7,10 @@ from agent.control.agents import agent_terms
 from agent.control.attraction import attraction, heading
 from agent.control.gains import Gains
 from agent.control.obstacles import obstacle_terms
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel
 
 
-@kernel
+@inlined_kernel
 def analytic(
     e_c: NDArray[np.float64],
     e_g: NDArray[np.float64],

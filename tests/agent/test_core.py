@@ -52,7 +52,12 @@ def test_frames_come_at_their_rate_and_not_all_in_one_tick(rate: float, every: i
 
 def test_the_safety_filter_can_be_left_out() -> None:
     # The policy looks at nobody, and an obstacle stands in the way of drone 0.
-    fields = {"policy": "cruise", "start": {"radius_m": 0}, "obstacles": {"discs": [[16, 0.1, 1.5]]}, "time_limit_s": 8.0}
+    fields = {
+        "policy": "cruise",
+        "start": {"radius_m": 0},
+        "obstacles": {"discs": [[16, 0.1, 1.5]]},
+        "time_limit_s": 8.0,
+    }
     assert simulate([mission(**fields, safety_filter=False)])[0].failure == "collision"
     assert simulate([mission(**fields)])[0].failure != "collision"
 
@@ -75,7 +80,9 @@ def test_without_swaps_everyone_keeps_the_slot_it_started_in() -> None:
 def test_the_slot_of_a_dead_leader_is_taken_and_only_a_leaf_stays_empty() -> None:
     # In the triangle of six, slot 1 leads the apex, slot 0.
     faults = [{"at_s": 0.5, "kind": "kill", "slots": [1]}]
-    simulation = flown(mission(faults=faults, start={"radius_m": 1}, swap={"silent_s": 0.5, "rule": "tree"}), 199)
+    simulation = flown(
+        mission(faults=faults, start={"radius_m": 1}, swap={"silent_s": 0.5, "rule": "tree"}), 199
+    )
     assert simulation.agents.views.slot[0] == 1
     assert simulation.agents.parties.party[0].counts.vacated == 1
     assert {int(simulation.agents.views.slot_of[agent, 0]) for agent in (0, 2, 3, 4, 5)} == {1}

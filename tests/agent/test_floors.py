@@ -14,7 +14,17 @@ MAY_IMPORT = {
     "agent": {"agent", "protocols"},
     "world": {"world", "protocols"},
 }
-PURE = {"zenoh", "socket", "threading", "asyncio", "time", "subprocess", "multiprocessing", "psutil", "random"}
+PURE = {
+    "zenoh",
+    "socket",
+    "threading",
+    "asyncio",
+    "time",
+    "subprocess",
+    "multiprocessing",
+    "psutil",
+    "random",
+}
 
 
 def imports(path: Path) -> set[str]:
@@ -51,8 +61,14 @@ def test_the_protocols_know_no_clock_no_network_and_no_processes() -> None:
 
 
 def test_the_cores_know_no_clock_and_no_network() -> None:
-    cores = [ROOT / "agent" / name for name in ("core.py", "cycle.py", "perceive.py", "observation.py", "parties.py")]
-    cores += [ROOT / "world" / name for name in ("core.py", "physics.py", "medium.py", "referee.py", "field.py", "watch.py")]
+    cores = [
+        ROOT / "agent" / name
+        for name in ("core.py", "cycle.py", "perceive.py", "observation.py", "parties.py")
+    ]
+    cores += [
+        ROOT / "world" / name
+        for name in ("core.py", "physics.py", "medium.py", "referee.py", "field.py", "watch.py")
+    ]
     assert {path.name: imports(path) & PURE for path in cores if imports(path) & PURE} == {}
 
 

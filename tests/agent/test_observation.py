@@ -78,7 +78,9 @@ def test_the_two_nearest_neighbours_come_with_their_relative_velocity() -> None:
 
 @pytest.mark.parametrize("gap", [6.0, 7.5])
 def test_what_comes_into_sight_starts_at_zero(gap: float) -> None:
-    assert observe(obstacles=[(gap + 1.0, 0.0, 1.0)], neighbours=[(gap, 0.0, 5.0, 5.0)]).tolist() == [0.0] * 18
+    assert (
+        observe(obstacles=[(gap + 1.0, 0.0, 1.0)], neighbours=[(gap, 0.0, 5.0, 5.0)]).tolist() == [0.0] * 18
+    )
     near = observe(obstacles=[(6.999, 0.0, 1.0)], neighbours=[(5.999, 0.0, 5.0, 5.0)])
     assert 0 < abs(near[4:]).max() < 1e-3
 
@@ -92,7 +94,9 @@ METRE = st.floats(-20, 20)
     error=st.tuples(METRE, METRE),
     velocity=st.tuples(st.floats(-7, 7), st.floats(-7, 7)),
 )
-def test_all_numbers_stay_within_what_a_frame_can_carry(rel: Any, discs: Any, error: Vector, velocity: Vector) -> None:
+def test_all_numbers_stay_within_what_a_frame_can_carry(
+    rel: Any, discs: Any, error: Vector, velocity: Vector
+) -> None:
     x = observe(error, velocity, (5.0, 0.0), discs, rel)
     assert np.isfinite(x).all()
     assert np.abs(x).max() < 16.0
@@ -100,8 +104,12 @@ def test_all_numbers_stay_within_what_a_frame_can_carry(rel: Any, discs: Any, er
     assert np.linalg.norm(x[10:12]) <= 1.0 + 1e-9
 
 
-@given(turn=st.floats(0, 2 * math.pi), error=st.tuples(METRE, METRE), other=st.tuples(METRE, METRE, METRE, METRE))
-def test_a_turned_world_is_observed_turned(turn: float, error: Vector, other: tuple[float, float, float, float]) -> None:
+@given(
+    turn=st.floats(0, 2 * math.pi), error=st.tuples(METRE, METRE), other=st.tuples(METRE, METRE, METRE, METRE)
+)
+def test_a_turned_world_is_observed_turned(
+    turn: float, error: Vector, other: tuple[float, float, float, float]
+) -> None:
     def turned(x: float, y: float) -> Vector:
         return math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y
 
@@ -115,7 +123,9 @@ def test_a_turned_world_is_observed_turned(turn: float, error: Vector, other: tu
 PLAN = build_formation(shape_points("line", 4, 5.0), 5.0)  # root 1; 0 and 2 follow it, 3 follows 2
 
 
-def aim(chain: bool, hops_to_leader: int = 1, me: int = 3, slots: tuple[int, ...] = (0, 1, 2, 3)) -> tuple[list[float], list[float]]:
+def aim(
+    chain: bool, hops_to_leader: int = 1, me: int = 3, slots: tuple[int, ...] = (0, 1, 2, 3)
+) -> tuple[list[float], list[float]]:
     """(chain error, slot error) of drone ``me`` at (1, 2), whose leader is seen 1 m ahead and 4 m to the right."""
     sensed, memory = empty_sensed(1), empty_memory(1, 4)
     sensed.motion[0] = [1.0, 2.0, 0.0, 0.0, 10.0, 0.0, 3.0, 0.0]
@@ -127,7 +137,9 @@ def aim(chain: bool, hops_to_leader: int = 1, me: int = 3, slots: tuple[int, ...
         memory.hops[0, occupant[0, above]] = hops_to_leader
         memory.rel[0, occupant[0, above]] = [1.0, -4.0]
     chain_error, slot_error = np.zeros((1, 2)), np.zeros((1, 2))
-    aim_row(0, me, chain, sensed, memory, PLAN.offsets, PLAN.parent, slot_of, occupant, chain_error, slot_error)
+    aim_row(
+        0, me, chain, sensed, memory, PLAN.offsets, PLAN.parent, slot_of, occupant, chain_error, slot_error
+    )
     return chain_error[0].tolist(), slot_error[0].tolist()
 
 

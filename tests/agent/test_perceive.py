@@ -48,13 +48,18 @@ def test_an_older_frame_that_comes_later_changes_nothing() -> None:
 
 
 def test_a_duplicate_changes_nothing() -> None:
-    once, twice = heard(frame(motion=(1, 2, 3, 4))), heard(frame(motion=(1, 2, 3, 4)), frame(motion=(1, 2, 3, 4)))
+    once, twice = (
+        heard(frame(motion=(1, 2, 3, 4))),
+        heard(frame(motion=(1, 2, 3, 4)), frame(motion=(1, 2, 3, 4))),
+    )
     assert all(np.array_equal(a, b) for a, b in zip(once, twice, strict=True))
 
 
 def test_whom_a_sender_has_heard_lately_lives() -> None:
     # Ages of drones 8, 9, 0, 1, ...: in tenths of a second before the frame's tick.
-    memory = heard(frame(tick=500, age_from=8, ages=(2, AGE_NEVER, 0, 30, AGE_NEVER, AGE_NEVER, AGE_NEVER, AGE_NEVER)))
+    memory = heard(
+        frame(tick=500, age_from=8, ages=(2, AGE_NEVER, 0, 30, AGE_NEVER, AGE_NEVER, AGE_NEVER, AGE_NEVER))
+    )
     assert memory.last_seen[0].tolist() == [500, 200, 0, 500, 0, 0, 0, 0, 480, 0]
 
 
@@ -64,7 +69,9 @@ def test_a_sender_that_knows_less_makes_nobody_older() -> None:
 
 
 def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() -> None:
-    memory = heard(frame(sender=3, tick=490, motion=(10, 0, 2, -1)), frame(sender=5, tick=460, motion=(11, 1, 0, 0)))
+    memory = heard(
+        frame(sender=3, tick=490, motion=(10, 0, 2, -1)), frame(sender=5, tick=460, motion=(11, 1, 0, 0))
+    )
     sensed = empty_sensed(1)
     sensed.motion[0, :4] = [8.0, 1.0, 1.0, 0.0]
     find_neighbours(memory, 0, 0, 500, sensed, False, 30, 6.0)
@@ -76,7 +83,9 @@ def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() ->
 
 
 def test_one_heard_from_beyond_the_range_is_no_neighbour() -> None:
-    memory = heard(frame(sender=3, tick=500, motion=(6.1, 0, 0, 0)), frame(sender=4, tick=500, motion=(0, 6.0, 0, 0)))
+    memory = heard(
+        frame(sender=3, tick=500, motion=(6.1, 0, 0, 0)), frame(sender=4, tick=500, motion=(0, 6.0, 0, 0))
+    )
     find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, 30, 6.0)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [4]
 
@@ -173,7 +182,11 @@ def test_a_frame_tells_no_more_than_the_last_hop_needs(max_hops: int, known: lis
 
 def test_ages_are_told_in_turn_over_all_drones() -> None:
     # At every tick the window of eight moves on by eight among the ten drones. Drone i was seen 100 - 10 i ticks ago.
-    told = {tick: (int(frames.age_from[0]), frames.ages[0].tolist()) for tick in range(510, 513) if (frames := composed({}, tick))}
+    told = {
+        tick: (int(frames.age_from[0]), frames.ages[0].tolist())
+        for tick in range(510, 513)
+        if (frames := composed({}, tick))
+    }
     assert told[510] == (0, [10, 9, 8, 7, 6, 5, 4, 3])
     assert told[511] == (8, [2, 1, 10, 9, 8, 7, 6, 5])
     assert told[512] == (6, [4, 3, 2, 1, 10, 9, 8, 7])
@@ -186,7 +199,10 @@ def told_age(ticks_ago: int) -> int:
     return int(frames.ages[0, 0])
 
 
-@pytest.mark.parametrize(("ticks_ago", "age"), [(0, 0), (1, 1), (10, 1), (11, 2), (2540, 254), (2541, AGE_NEVER), (5000, AGE_NEVER)])
+@pytest.mark.parametrize(
+    ("ticks_ago", "age"),
+    [(0, 0), (1, 1), (10, 1), (11, 2), (2540, 254), (2541, AGE_NEVER), (5000, AGE_NEVER)],
+)
 def test_an_age_is_told_in_tenths_of_a_second_rounded_up(ticks_ago: int, age: int) -> None:
     assert told_age(ticks_ago) == age
 

@@ -58,9 +58,15 @@ def test_an_unknown_policy_is_refused_with_those_that_are_known(monkeypatch: pyt
     ("name", "why"),
     [
         ("no.such.module:Class", "cannot be loaded (No module named 'no')"),
-        ("tests.agent.example_policy:Nobody", "cannot be loaded (module 'tests.agent.example_policy' has no attribute"),
+        (
+            "tests.agent.example_policy:Nobody",
+            "cannot be loaded (module 'tests.agent.example_policy' has no attribute",
+        ),
         ("tests.agent.example_policy:Mute", "has no method act(seen)"),
-        ("tests.agent.example_policy:Choosy", "could not be made for this mission (made for 9 agents, not 6)"),
+        (
+            "tests.agent.example_policy:Choosy",
+            "could not be made for this mission (made for 9 agents, not 6)",
+        ),
         (":Homing", "could not be made for this mission"),
     ],
 )
@@ -81,7 +87,10 @@ def test_a_swarm_flies_a_whole_flight_by_any_of_them(policy: str) -> None:
 
 
 def test_a_users_policy_decides_the_flight() -> None:
-    assert simulate([task("cruise")])[0].digest != simulate([task("tests.agent.example_policy:Homing")])[0].digest
+    assert (
+        simulate([task("cruise")])[0].digest
+        != simulate([task("tests.agent.example_policy:Homing")])[0].digest
+    )
 
 
 @pytest.mark.parametrize("filtered", [True, False])

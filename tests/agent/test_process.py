@@ -41,7 +41,11 @@ def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
     first = (simulation.clock - 1) % simulation.world.ring * 6
     said = []
     for row in range(first, first + 6):
-        note = simulation.agents.notes[row] if simulation._frames.loud[row] else SlotNote(int(simulation._frames.digest[row]), True)
+        note = (
+            simulation.agents.notes[row]
+            if simulation._frames.loud[row]
+            else SlotNote(int(simulation._frames.digest[row]), True)
+        )
         assert isinstance(note, SlotNote)
         if simulation._frames.sender[row] != ME:
             said.append(encode_frame(TAG, simulation._frames, row, encode(note)))
@@ -102,7 +106,10 @@ def own_voice() -> bytes:
         (altered(5, [1, 2]), "malformed"),
         (altered(5, [1, 1, 0, [0, 1, 2, 2], None, [], None, [], [], None]), "malformed"),
         (altered(5, [1, 1, 0, None, None, [], None, [], [], [bytes(6), 1, 1, 1]]), "malformed"),
-        (altered(4, np.full(len(msgpack.unpackb(GOOD[0])[4]) // 4, np.nan, np.float32).tobytes()), "non-finite"),
+        (
+            altered(4, np.full(len(msgpack.unpackb(GOOD[0])[4]) // 4, np.nan, np.float32).tobytes()),
+            "non-finite",
+        ),
         (own_voice(), "sender"),
     ],
 )
@@ -149,7 +156,9 @@ def test_a_good_frame_with_any_part_replaced_is_no_crash(which: int, place: int,
 
 @settings(max_examples=200)
 @given(which=st.integers(0, len(GOOD) - 1), at=st.integers(0, 4000), flip=st.integers(1, 255))
-def test_a_good_frame_with_one_byte_changed_is_believed_or_as_good_as_unheard(which: int, at: int, flip: int) -> None:
+def test_a_good_frame_with_one_byte_changed_is_believed_or_as_good_as_unheard(
+    which: int, at: int, flip: int
+) -> None:
     data = bytearray(GOOD[which])
     data[at % len(data)] ^= flip
     said, counts = answers([bytes(data)])

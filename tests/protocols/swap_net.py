@@ -158,6 +158,7 @@ class Oracle:
         self.ever: set[Swap] = set()
         self.known: list[frozenset[Swap]] = [frozenset()] * swarm.n
         self._knew: list[frozenset[Swap]] = [frozenset()] * swarm.n  # what was forgotten included
+        self._forced = False
         self._start = swarm.parties[0].book.base
         self._swaps_in = {self._start: frozenset[Swap]()}
         self._base = [self._start] * swarm.n
@@ -186,7 +187,8 @@ class Oracle:
         now = self._swaps_in[book.base] | set(book.open)
         self.known[agent], self._base[agent] = now, book.base
         self._knew[agent] |= now
-        if not any(other.counts.forced for other in self._swarm.parties):
+        self._forced |= any(other.counts.forced for other in self._swarm.parties)
+        if not self._forced:
             assert all(self._swaps_in[book.base] <= knew for knew in self._knew), "folded too early"
         assert sorted(party.slot_of) == list(range(self._swarm.n)), "not a permutation"
         assert party.slot_of == fold(now, self._swarm.n), "the view is not the fold of the swaps"

@@ -101,7 +101,9 @@ SHAPES = st.one_of(
 
 
 @given(shape=SHAPES, spacing=st.floats(1, 20))
-def test_every_tree_is_breadth_first_over_edges_of_one_spacing(shape: tuple[str, int], spacing: float) -> None:
+def test_every_tree_is_breadth_first_over_edges_of_one_spacing(
+    shape: tuple[str, int], spacing: float
+) -> None:
     plan = formation(*shape, spacing)
     assert len(plan.edges) == len(plan) - 1
     assert edge_lengths(plan) == pytest.approx([spacing] * (len(plan) - 1))

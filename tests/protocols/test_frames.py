@@ -77,7 +77,9 @@ def with_field(name: str, value: Any) -> bytes:
 @given(seed=st.integers(0, 2**32), count=st.integers(0, MAX_KNOWN))
 def test_what_is_written_is_what_is_read(seed: int, count: int) -> None:
     sent, heard = drawn(seed, count), empty_frames(4)
-    sender, note = FrameReader(TAG, AGENTS, heard).read(encode_frame(TAG, sent, 0, encode(NOTE)), NOW, OLDEST, 2)
+    sender, note = FrameReader(TAG, AGENTS, heard).read(
+        encode_frame(TAG, sent, 0, encode(NOTE)), NOW, OLDEST, 2
+    )
     assert (sender, decode(note, AGENTS)) == (sent.sender[0], NOTE)
     assert heard.fixed[2] == sent.fixed[0]
     assert heard.known[2, :count].tolist() == sent.known[0, :count].tolist()

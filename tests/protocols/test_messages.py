@@ -22,7 +22,16 @@ def test_a_message_is_read_as_it_was_written() -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"\xc1", b"\x93\x01", msgpack.packb(5), msgpack.packb([]), msgpack.packb([99]), msgpack.packb(["hi"])]
+    "data",
+    [
+        b"",
+        b"\xc1",
+        b"\x93\x01",
+        msgpack.packb(5),
+        msgpack.packb([]),
+        msgpack.packb([99]),
+        msgpack.packb(["hi"]),
+    ],
 )
 def test_what_is_no_message_is_refused(data: bytes) -> None:
     with pytest.raises(MessageError):
@@ -89,7 +98,11 @@ def test_a_status_that_cannot_be_is_refused(wrong: Any) -> None:
         parse_status(as_sent(wrong), 6)
 
 
-@given(fields=st.recursive(st.integers() | st.none() | st.binary(max_size=8), lambda inner: st.lists(inner, max_size=7)))
+@given(
+    fields=st.recursive(
+        st.integers() | st.none() | st.binary(max_size=8), lambda inner: st.lists(inner, max_size=7)
+    )
+)
 def test_no_status_of_any_shape_brings_another_error(fields: Any) -> None:
     with pytest.raises((ValueError, TypeError)):
         parse_status(fields, 6)

@@ -27,7 +27,11 @@ def test_an_empty_mission_is_the_standard_task() -> None:
     mission = parse_mission({})
     assert (mission.agents, mission.policy, len(mission.plan)) == (25, "analytic", 25)
     assert (mission.target.speed_mps, mission.radio.range_m, mission.sensing.range_m) == (3.0, 6.0, 6.0)
-    assert (mission.limits.acceleration_mps2, mission.limits.speed_mps, mission.limits.collision_m) == (10, 10, 0.5)
+    assert (mission.limits.acceleration_mps2, mission.limits.speed_mps, mission.limits.collision_m) == (
+        10,
+        10,
+        0.5,
+    )
     assert (mission.start.radius_m, mission.start.gap_m) == (5.0, 1.0)
     assert (mission.obstacles.count, mission.obstacles.radius_m) == ((3, 6), (1.0, 2.0))
     assert (mission.obstacles.x_m, mission.obstacles.y_m) == ((15.0, 35.0), (-15.0, 15.0))
@@ -62,7 +66,10 @@ def test_an_unknown_field_is_named_with_those_that_are_known() -> None:
     text = refusal({"radio": {"rnage_m": 7}})
     assert text.startswith("radio.rnage_m: unknown field; known here: ")
     assert "range_m" in text
-    assert refusal({"radio": {"burst": {"lost": 1}}}) == "radio.burst.lost: unknown field; known here: length_s, loss"
+    assert (
+        refusal({"radio": {"burst": {"lost": 1}}})
+        == "radio.burst.lost: unknown field; known here: length_s, loss"
+    )
     fault = {"at_s": 1, "kind": "kill", "agents": [0], "who": 1}
     assert refusal({"faults": [fault]}).startswith("faults.0.who: unknown field; known here: agents, at_s, ")
 
@@ -82,7 +89,9 @@ def test_two_slots_too_close_are_refused() -> None:
 
 def test_slots_closer_than_a_collision_are_refused() -> None:
     text = refusal({"formation": {"spacing_m": 0.8}})
-    assert text.startswith("formation.spacing_m: 0.8 m is too close for a collision distance of 0.5 m; give at least 1")
+    assert text.startswith(
+        "formation.spacing_m: 0.8 m is too close for a collision distance of 0.5 m; give at least 1"
+    )
 
 
 def test_a_radio_that_does_not_reach_along_an_edge_is_refused() -> None:
@@ -100,8 +109,12 @@ def test_as_many_slots_as_agents_are_demanded() -> None:
 
 
 def test_slots_and_shape_custom_go_together() -> None:
-    assert refusal({"formation": {"shape": "custom"}}).startswith("formation.slots_m: give slot positions together with")
-    assert refusal({"agents": 2, "formation": {"slots_m": [[0, 0], [5, 0]]}}).startswith("formation.slots_m: give ")
+    assert refusal({"formation": {"shape": "custom"}}).startswith(
+        "formation.slots_m: give slot positions together with"
+    )
+    assert refusal({"agents": 2, "formation": {"slots_m": [[0, 0], [5, 0]]}}).startswith(
+        "formation.slots_m: give "
+    )
 
 
 def test_numbers_out_of_their_range_are_named() -> None:
@@ -116,8 +129,13 @@ def test_numbers_out_of_their_range_are_named() -> None:
 
 def test_faults_name_drones_that_exist() -> None:
     fault = {"at_s": 1, "kind": "kill", "agents": [6]}
-    assert refusal({"agents": 6, "faults": [fault]}) == "faults.0: there is no agent or slot 6; numbers go from 0 to 5"
-    assert refusal({"faults": [{"at_s": 1, "kind": "kill"}]}).startswith("faults.0: agents: name at least one agent")
+    assert (
+        refusal({"agents": 6, "faults": [fault]})
+        == "faults.0: there is no agent or slot 6; numbers go from 0 to 5"
+    )
+    assert refusal({"faults": [{"at_s": 1, "kind": "kill"}]}).startswith(
+        "faults.0: agents: name at least one agent"
+    )
     part = {"at_s": 1, "kind": "part", "groups": [[0]]}
     assert refusal({"faults": [part]}).startswith("faults.0: groups: a part needs at least two groups")
 

@@ -13,10 +13,19 @@ Heard = dict[int, tuple[int, dict[int, tuple[float, float]], dict[int, tuple[flo
 
 
 def relate(
-    near: dict[int, tuple[float, float]], heard: Heard, tick: int = 100, memory: int = 50, max_hops: int = 3, agents: int = 8
+    near: dict[int, tuple[float, float]],
+    heard: Heard,
+    tick: int = 100,
+    memory: int = 50,
+    max_hops: int = 3,
+    agents: int = 8,
 ) -> tuple[list[int], NDArray[np.float64]]:
     """Hops and positions as drone 0 has them. ``heard``: sender -> (tick, its one-hop drones, its two-hop drones)."""
-    heard_tick, one_hop, count = np.full(agents, NEVER), np.zeros(agents, np.int64), np.zeros(agents, np.int64)
+    heard_tick, one_hop, count = (
+        np.full(agents, NEVER),
+        np.zeros(agents, np.int64),
+        np.zeros(agents, np.int64),
+    )
     known, displacement = np.zeros((agents, 64), np.uint8), np.zeros((agents, 64, 2), np.float32)
     for sender, (when, ones, twos) in heard.items():
         heard_tick[sender], one_hop[sender], count[sender] = when, len(ones), len(ones) + len(twos)
@@ -105,7 +114,9 @@ def chain(hops: int = 3) -> Mission:
     )
 
 
-def flown(mission: Mission, ticks: int) -> tuple[Simulation, NDArray[np.float64], NDArray[np.float64], list[list[int]]]:
+def flown(
+    mission: Mission, ticks: int
+) -> tuple[Simulation, NDArray[np.float64], NDArray[np.float64], list[list[int]]]:
     """Fly a chain: per tick the true positions (T, 5, 2), what drone 0 believes (T, 5, 2), and over how many hops."""
     simulation = Simulation([mission])
     simulation.agents.policy = Weave()

@@ -21,7 +21,9 @@ from protocols.trigger import (
 
 METRES = st.floats(-20, 20)
 VECTOR = st.tuples(METRES, METRES)
-LINE = build_formation(shape_points("line", 5, 5.0), 5.0)  # slots 0 1 2 3 4 abreast; root 2, then 1 and 3, then 0 and 4
+LINE = build_formation(
+    shape_points("line", 5, 5.0), 5.0
+)  # slots 0 1 2 3 4 abreast; root 2, then 1 and 3, then 0 and 4
 DEPTH = np.array([2, 1, 0, 1, 2])
 ME, OTHER = 1, 3
 
@@ -74,7 +76,23 @@ def ask(me: int, rule: int, places: list[float], fresh: bool = True, connected: 
     error = LINE.offsets[me, 1] - y[me]
     return int(
         swap_partner(
-            me, 100, rule, 0.5, connected, 50, 6.0, 0.0, error, LINE.offsets, LINE.parent, DEPTH, slots, slots, heard, hops, rel
+            me,
+            100,
+            rule,
+            0.5,
+            connected,
+            50,
+            6.0,
+            0.0,
+            error,
+            LINE.offsets,
+            LINE.parent,
+            DEPTH,
+            slots,
+            slots,
+            heard,
+            hops,
+            rel,
         )
     )
 
@@ -140,7 +158,9 @@ def vacancy(me: int, silent_since: dict[int, int], places: list[float] | None = 
     rel = points - points[me]
     hops = np.where(slots == me, 0, 1)
     ex, ey = star.offsets[me] - points[me]
-    return int(vacancy_to_fill(me, 1000, 400, ex, ey, star.offsets, star.parent, slots, slots, last_seen, hops, rel))
+    return int(
+        vacancy_to_fill(me, 1000, 400, ex, ey, star.offsets, star.parent, slots, slots, last_seen, hops, rel)
+    )
 
 
 def test_nobody_takes_the_slot_of_one_that_was_heard_within_the_time() -> None:

@@ -61,7 +61,11 @@ print(json.dumps({"lost": flown.outcome.lost_agents, "ticks": flown.outcome.tick
 def launched(*tasks: Fields, clock: str = "lockstep") -> list[Fields]:
     """Fly these missions one after the other in real processes; what came of each."""
     run = subprocess.run(
-        [sys.executable, "-c", _FLY, json.dumps([clock, tasks])], cwd=ROOT, capture_output=True, text=True, timeout=200
+        [sys.executable, "-c", _FLY, json.dumps([clock, tasks])],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=200,
     )
     assert run.returncode == 0, run.stderr
     flights = [json.loads(line) for line in run.stdout.splitlines()]
@@ -92,7 +96,9 @@ class Launcher:
         assert self.process.stdout is not None
         while (line := self.process.stdout.readline().strip()).isdigit():
             if int(line) >= tick:
-                self.children = {name_of(child): child for child in psutil.Process(self.process.pid).children()}
+                self.children = {
+                    name_of(child): child for child in psutil.Process(self.process.pid).children()
+                }
                 return
         raise AssertionError((line, self.process.communicate()))
 

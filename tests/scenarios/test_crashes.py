@@ -31,7 +31,9 @@ def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Field
         launcher.clean_up()
 
 
-def test_a_drone_that_is_killed_is_named_and_the_others_fly_on_to_the_end(launch: Callable[[Fields], Launcher]) -> None:
+def test_a_drone_that_is_killed_is_named_and_the_others_fly_on_to_the_end(
+    launch: Callable[[Fields], Launcher],
+) -> None:
     flight = launch({**ENDLESS, "time_limit_s": 60})
     flight.hit("agent-4")
     code, said = flight.end()
@@ -73,7 +75,9 @@ def test_a_launcher_that_is_killed_leaves_nothing_behind(launch: Callable[[Field
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
 
 
-def test_a_launcher_stopped_with_its_drones_frozen_leaves_nothing_behind(launch: Callable[[Fields], Launcher]) -> None:
+def test_a_launcher_stopped_with_its_drones_frozen_leaves_nothing_behind(
+    launch: Callable[[Fields], Launcher],
+) -> None:
     flight = launch({**ENDLESS, "faults": [{"at_s": 0.2, "kind": "freeze", "agents": [1, 2]}]})
     flight.process.kill()
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
@@ -89,11 +93,16 @@ def test_a_launcher_asked_to_stop_ends_all_and_leaves_nothing(
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
 
 
-def test_a_finished_flight_leaves_its_logs_its_path_and_nothing_else(launch: Callable[[Fields], Launcher]) -> None:
+def test_a_finished_flight_leaves_its_logs_its_path_and_nothing_else(
+    launch: Callable[[Fields], Launcher],
+) -> None:
     flight = launch({**ENDLESS, "time_limit_s": 5})
     assert flight.end()[0] == 0
     assert flight.is_gone_within(NOTHING_LEFT_S)
     run: Path = flight.here / "run"
     assert (run / "trajectory.npz").stat().st_size > 0
-    assert sorted(path.name for path in (run / "logs").iterdir()) == [*(f"agent-{agent}.log" for agent in range(6)), "world.log"]
+    assert sorted(path.name for path in (run / "logs").iterdir()) == [
+        *(f"agent-{agent}.log" for agent in range(6)),
+        "world.log",
+    ]
     assert (run / "logs" / "agent-3.log").read_text() == "agent 3: the flight is over\n"

@@ -59,7 +59,12 @@ def test_twins_agree_to_the_very_end_of_a_whole_flight() -> None:
 
 @pytest.mark.parametrize(
     "way",
-    [{"aim": "chain"}, {"sensing": {"neighbours": "heard"}}, {"swap": {"rule": "tree"}}, {"policy": "cruise"}],
+    [
+        {"aim": "chain"},
+        {"sensing": {"neighbours": "heard"}},
+        {"swap": {"rule": "tree"}},
+        {"policy": "cruise"},
+    ],
     ids=lambda way: next(iter(way)),
 )
 def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:

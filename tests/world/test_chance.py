@@ -15,7 +15,9 @@ def _draws(seed: int, rule: int, source: int, destination: int, ticks: int, out:
         out[tick] = chance.uniform(seed, rule, source, destination, tick)
 
 
-def draws(seed: int = 1, rule: int = chance.LOSS, source: int = 2, destination: int = 3, ticks: int = 20_000) -> np.ndarray:
+def draws(
+    seed: int = 1, rule: int = chance.LOSS, source: int = 2, destination: int = 3, ticks: int = 20_000
+) -> np.ndarray:
     out = np.empty(ticks)
     _draws(seed, rule, source, destination, ticks, out)
     return out
@@ -58,7 +60,9 @@ def in_whole_numbers(seed: int, rule: int, source: int, destination: int, tick: 
     destination=st.integers(0, 249),
     tick=st.integers(0, 360_000),
 )
-def test_the_luck_of_a_seed_is_the_same_on_every_machine(seed: int, rule: int, source: int, destination: int, tick: int) -> None:
+def test_the_luck_of_a_seed_is_the_same_on_every_machine(
+    seed: int, rule: int, source: int, destination: int, tick: int
+) -> None:
     draw = chance.uniform(seed, rule, source, destination, tick)
     assert draw == in_whole_numbers(seed, rule, source, destination, tick)
 
@@ -69,7 +73,16 @@ def test_draws_spread_evenly() -> None:
     assert abs(share - 2000).max() < 5 * 42.4
 
 
-@pytest.mark.parametrize("other", [{"seed": 2}, {"rule": chance.JITTER}, {"source": 3}, {"destination": 2}, {"source": 3, "destination": 2}])
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"seed": 2},
+        {"rule": chance.JITTER},
+        {"source": 3},
+        {"destination": 2},
+        {"source": 3, "destination": 2},
+    ],
+)
 def test_another_seed_rule_or_link_has_luck_of_its_own(other: dict[str, int]) -> None:
     assert abs(np.corrcoef(draws(), draws(**other))[0, 1]) < 0.04
 

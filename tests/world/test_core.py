@@ -111,7 +111,12 @@ def test_a_flight_ended_from_outside_says_why() -> None:
     core = world()
     drift(core, 5)
     outcome = core.end(0, "interrupted")
-    assert (outcome.success, outcome.failure, outcome.ticks, core.active[0]) == (False, "interrupted", 5, False)
+    assert (outcome.success, outcome.failure, outcome.ticks, core.active[0]) == (
+        False,
+        "interrupted",
+        5,
+        False,
+    )
 
 
 SEEDS = [(0, 0), (1, 7), (2, 8)]
@@ -119,7 +124,10 @@ RADIO = {"loss": 0.2, "jitter_ms": 20, "duplicate": 0.1, "reorder": 0.1, "burst"
 
 
 def test_many_worlds_at_once_fly_as_each_would_alone() -> None:
-    tasks = [mission(map_seed=map_seed, seed=seed, radio=RADIO, start={"scrambled": True}) for map_seed, seed in SEEDS]
+    tasks = [
+        mission(map_seed=map_seed, seed=seed, radio=RADIO, start={"scrambled": True})
+        for map_seed, seed in SEEDS
+    ]
     together = simulate(tasks)
     alone = [simulate([task])[0] for task in tasks]
     assert together == alone
@@ -141,7 +149,9 @@ def test_faults_of_one_world_leave_the_others_alone() -> None:
     assert outcomes[1].lost_agents == (2,)
 
 
-@pytest.mark.parametrize("other", [{"seed": 1}, {"obstacles": {"discs": [[10, 0, 2]]}}, {"radio": {"loss": 0.1}}])
+@pytest.mark.parametrize(
+    "other", [{"seed": 1}, {"obstacles": {"discs": [[10, 0, 2]]}}, {"radio": {"loss": 0.1}}]
+)
 def test_the_digest_tells_flights_apart(other: dict[str, Any]) -> None:
     assert simulate([mission()])[0].digest == simulate([mission()])[0].digest
     assert simulate([mission(**other)])[0].digest != simulate([mission()])[0].digest

@@ -38,7 +38,10 @@ class Air:
         self.bad = np.zeros((1, agents, agents), np.bool_)
         self.queue = medium.empty_queue(1, agents, self.link.longest)
         self.sizes = np.full((1, self.link.longest + 1, agents), 100, np.int64)
-        self.start, self.arrived = np.zeros(agents + 1, np.int64), np.zeros((self.queue.entry.shape[2], 2), np.int32)
+        self.start, self.arrived = (
+            np.zeros(agents + 1, np.int64),
+            np.zeros((self.queue.entry.shape[2], 2), np.int32),
+        )
         self.active = np.ones(1, np.bool_)
         self.heard: list[Frame] = []
         self.spells: list[NDArray[np.bool_]] = []
@@ -78,11 +81,15 @@ def within(count: int, of: int, share: float) -> bool:
 
 def test_a_frame_reaches_everyone_in_range_one_tick_later() -> None:
     air = Air(mission()).fly(2)
-    assert air.heard == [(0, source, agent, 1) for agent in range(4) for source in range(4) if source != agent]
+    assert air.heard == [
+        (0, source, agent, 1) for agent in range(4) for source in range(4) if source != agent
+    ]
     assert (air.count("sent"), air.count("sent_bytes"), air.count("delivered_bytes")) == (8, 800, 1200)
 
 
-@pytest.mark.parametrize(("distance", "heard"), [(6.0, True), (np.nextafter(6.0, 7.0), False), (5.99, True), (6.01, False)])
+@pytest.mark.parametrize(
+    ("distance", "heard"), [(6.0, True), (np.nextafter(6.0, 7.0), False), (5.99, True), (6.01, False)]
+)
 def test_radio_range_ends_at_exactly_six_metres(distance: float, heard: bool) -> None:
     air = Air(mission(2), np.array([[0, 0], [distance, 0]])).fly(2)
     assert bool(air.heard) is heard
@@ -143,7 +150,9 @@ def test_a_burst_is_a_state_from_the_first_tick_on() -> None:
 
 
 @pytest.mark.parametrize(("mean", "length_s"), [(0.99, 0.3), (0.9, 0.02), (0.5, 0.001), (1.0, 0.3)])
-def test_bursts_keep_their_mean_where_spells_cannot_be_as_short_as_asked(mean: float, length_s: float) -> None:
+def test_bursts_keep_their_mean_where_spells_cannot_be_as_short_as_asked(
+    mean: float, length_s: float
+) -> None:
     link = medium.link_of(mission(4, burst={"loss": mean, "length_s": length_s}))
     assert link.burst_enter / (link.burst_enter + link.burst_leave) == pytest.approx(mean)
     assert 0 <= link.burst_leave <= 1
@@ -203,7 +212,12 @@ def test_the_first_rule_in_the_order_takes_the_blame() -> None:
     air.group[0] = [1, 1, 2, 1]
     air.fly(1)
     # Drone 1 is out of range of all, whatever its group; 2 is parted from 0 and 3; between 0 and 3 the burst comes first.
-    assert (air.count("out_of_range"), air.count("partition"), air.count("burst"), air.count("loss")) == (6, 4, 2, 0)
+    assert (air.count("out_of_range"), air.count("partition"), air.count("burst"), air.count("loss")) == (
+        6,
+        4,
+        2,
+        0,
+    )
     air.link = air.link._replace(burst_enter=0.0)
     air.bad[:] = False
     air.fly(1)
@@ -230,9 +244,23 @@ def test_a_dead_drone_is_sent_nothing_and_what_was_under_way_to_it_comes_to_nobo
     agents=st.integers(2, 5),
 )
 def test_every_frame_gets_exactly_one_verdict_and_none_comes_too_late(
-    seed: int, loss: float, burst: float, delay: float, jitter: float, duplicate: float, reorder: float, agents: int
+    seed: int,
+    loss: float,
+    burst: float,
+    delay: float,
+    jitter: float,
+    duplicate: float,
+    reorder: float,
+    agents: int,
 ) -> None:
-    radio = dict(loss=loss, delay_ms=delay, jitter_ms=jitter, duplicate=duplicate, reorder=reorder, burst={"loss": burst})
+    radio = dict(
+        loss=loss,
+        delay_ms=delay,
+        jitter_ms=jitter,
+        duplicate=duplicate,
+        reorder=reorder,
+        burst={"loss": burst},
+    )
     air = Air(mission(agents, **radio).model_copy(update={"seed": seed})).fly(60)
     under_way = int(air.queue.count.sum())
     offered = 60 * agents * (agents - 1)
@@ -258,7 +286,9 @@ def test_draws_do_not_depend_on_the_order_in_which_they_are_asked() -> None:
     link = medium.link_of(mission(4, loss=0.5, jitter_ms=50, duplicate=0.5, reorder=0.5))
     questions = [(a, b, tick) for a in range(4) for b in range(4) for tick in range(20)]
 
-    def answers(order: list[tuple[int, int, int]]) -> dict[tuple[int, int, int], tuple[int, tuple[int, bool], int]]:
+    def answers(
+        order: list[tuple[int, int, int]],
+    ) -> dict[tuple[int, int, int], tuple[int, tuple[int, bool], int]]:
         return {
             (a, b, tick): (
                 medium.dropped_by(link, 5, a, b, tick, True, False),

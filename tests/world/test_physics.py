@@ -14,7 +14,9 @@ SLOTS = np.arange(3, dtype=np.int16)
 
 def world(positions: list[list[float]], **fields: Any) -> WorldCore:
     """Three drones in a line formation, put where the test wants them, at rest."""
-    core = WorldCore([parse_mission({"agents": 3, "formation": {"shape": "line"}, "obstacles": {"discs": []}, **fields})])
+    core = WorldCore(
+        [parse_mission({"agents": 3, "formation": {"shape": "line"}, "obstacles": {"discs": []}, **fields})]
+    )
     core.position[0] = positions
     return core
 

@@ -20,7 +20,9 @@ NAN, INF = float("nan"), float("inf")
 
 
 def mission(time_limit_s: float = 0.6, **fields: Any) -> Mission:
-    return parse_mission({"agents": 6, "time_limit_s": time_limit_s, "obstacles": {"count": [1, 1]}, **fields})
+    return parse_mission(
+        {"agents": 6, "time_limit_s": time_limit_s, "obstacles": {"count": [1, 1]}, **fields}
+    )
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -101,7 +103,10 @@ def test_rubbish_beside_its_answers_changes_nothing(rubbish: Any) -> None:
             return data
 
     undisturbed = fly(mission()).outcome
-    assert fly(mission(), lambda agent, tick, reply: [now(tick), reply] if agent == 5 else [reply]).outcome == undisturbed
+    assert (
+        fly(mission(), lambda agent, tick, reply: [now(tick), reply] if agent == 5 else [reply]).outcome
+        == undisturbed
+    )
 
 
 @pytest.mark.parametrize("data", [b"", b"\xc1", b"\x97", bytes(3000), msgpack.packb(GARBAGE["text-command"])])
@@ -109,7 +114,9 @@ def test_a_drone_that_answers_rubbish_is_as_lost_as_one_that_is_silent(data: byt
     silent = fly(mission(), lambda agent, tick, reply: [] if agent == 5 and tick >= 30 else [reply]).outcome
     assert silent.lost_agents == (5,)
     assert silent.ticks == 60
-    babbling = fly(mission(), lambda agent, tick, reply: [data] if agent == 5 and tick >= 30 else [reply]).outcome
+    babbling = fly(
+        mission(), lambda agent, tick, reply: [data] if agent == 5 and tick >= 30 else [reply]
+    ).outcome
     assert babbling == silent
 
 
@@ -124,7 +131,7 @@ def test_a_drone_that_speaks_for_all_ticks_to_come_must_still_answer_each() -> N
 
 def test_a_second_answer_to_the_same_tick_is_not_heard() -> None:
     def twice(agent: int, tick: int, reply: bytes) -> list[bytes]:
-        return [reply, msgpack.packb(tampered(tick=tick, ax=9.0, slot=0))] if agent == 5 else [reply]
+        return [reply, msgpack.packb(tampered(tick=tick, ax=9.0, slot=5))] if agent == 0 else [reply]
 
     assert fly(mission(), twice).outcome == fly(mission()).outcome
 
@@ -212,7 +219,10 @@ def test_a_drone_that_believes_the_impossible_ends_the_flight_by_name() -> None:
 
 
 def test_the_launcher_is_asked_to_do_what_the_mission_says() -> None:
-    faults = [{"at_s": 0.1 * index, "kind": kind, "agents": [1]} for index, kind in enumerate(["freeze", "thaw", "kill"], 1)]
+    faults = [
+        {"at_s": 0.1 * index, "kind": kind, "agents": [1]}
+        for index, kind in enumerate(["freeze", "thaw", "kill"], 1)
+    ]
     swarm = Loopback(mission(faults=faults))
     outcome = WorldServer(swarm.mission, swarm, "lockstep", swarm).run().outcome
     assert swarm.applied == [("freeze", (1,)), ("thaw", (1,)), ("kill", (1,))]
@@ -231,7 +241,11 @@ def test_in_real_time_a_late_answer_is_counted_and_the_last_command_stands() -> 
     task = mission(time_limit_s=0.3)
     swarm = Loopback(task, lambda agent, tick, reply: [] if agent == 2 and 10 <= tick < 20 else [reply])
     world = WorldServer(
-        task, swarm, "realtime", swarm, lambda core: seen.setdefault(int(core.tick[0]), core.command[0, 2].copy())
+        task,
+        swarm,
+        "realtime",
+        swarm,
+        lambda core: seen.setdefault(int(core.tick[0]), core.command[0, 2].copy()),
     )
     flown = world.run()
     assert flown.outcome.lost_agents == ()
