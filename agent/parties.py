@@ -15,7 +15,7 @@ from protocols.trigger import NOBODY
 from protocols.versioned import VersionedParty
 
 
-def _make_party(mission: Mission, me: int, initial: list[int], boot: int) -> SlotParty | VersionedParty:
+def make_party(mission: Mission, me: int, initial: list[int], boot: int) -> SlotParty | VersionedParty:
     spec = mission.swap
     answer = round(spec.answer_s / TICK_S)
     rules = SwapRules(
@@ -34,7 +34,7 @@ class Parties:
     def __init__(self, mission: Mission, me: NDArray[np.int64], initial_slots: NDArray[np.int16], views: Views, boot: int) -> None:
         self._mission, self._me, self._views = mission, me, views
         self._initial = [[int(slot) for slot in row] for row in initial_slots]
-        self.party = [_make_party(mission, int(agent), self._initial[row], boot) for row, agent in enumerate(me)]
+        self.party = [make_party(mission, int(agent), self._initial[row], boot) for row, agent in enumerate(me)]
         self.changed: list[int] = []
         self._busy = boot > 0  # whether any party was busy when last looked at
         for row in range(len(me)):
@@ -43,7 +43,7 @@ class Parties:
     def restart(self, row: int, boot: int) -> None:
         """The drone of this row lost its memory."""
         self._busy = True
-        self.party[row] = _make_party(self._mission, int(self._me[row]), self._initial[row], boot)
+        self.party[row] = make_party(self._mission, int(self._me[row]), self._initial[row], boot)
         self._refresh(row)
 
     def _refresh(self, row: int) -> bool:

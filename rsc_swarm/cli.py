@@ -230,9 +230,17 @@ def bench(
 ) -> None:
     """Measure this machine: ticks per second, start-up, memory."""
     _announce_compiling()
+    from json import dumps
+
     from rsc_swarm import bench as benches
 
-    benches.bench(agents, quick, json)
+    figures = benches.bench(agents, quick, lambda line: typer.echo(f"measuring {line}...", err=True))
+    if json == "-":
+        typer.echo(dumps(figures, indent=2))
+        return
+    typer.echo(benches.render(figures))
+    if json:
+        Path(json).write_text(dumps(figures, indent=2) + "\n")
 
 
 @app.command()

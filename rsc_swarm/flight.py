@@ -87,6 +87,7 @@ def fly(
         real_time_factor=simulation.clock * TICK_S / wall,
         deadline_misses=0,
         median_frame_bytes=_median(sizes),
+        message_bytes=(0.0, 0.0),
         first_tick_at=first_tick_at,
     )
 

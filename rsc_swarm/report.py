@@ -82,6 +82,7 @@ class FlightReport(_Part):
     failure: Failure | None = Field(description="null after a success; else what ended the flight")
     detail: str = Field(description="the outcome as a sentence: who, where, when")
     tau_s: float | None = Field(description="time of success; null if there was none")
+    formed_s: float | None = Field(description="when the formation first stood, wherever that was; null if never")
     max_edge_error: float = Field(
         description="worst relative length error of a tree edge, at tau or at the end"
     )

@@ -88,6 +88,7 @@ class Flown:
     real_time_factor: float
     deadline_misses: int
     median_frame_bytes: float
+    message_bytes: tuple[float, float]  # mean size of a drone's REPLY and of the world's TICK
     first_tick_at: float  # time.time()
 
 
@@ -117,6 +118,7 @@ class WorldServer:
         self._watch = Watch(agents, mission.swap.cooldown_s)
         self._sizes: list[int] = []
         self._misses = 0
+        self._told = self._told_bytes = self._heard_bytes = 0
         self._pulsed = 0.0
         self._answered = np.full(agents, -1, np.int64)  # the last tick each drone answered
         self._asked = np.full(agents, -1, np.int64)  # and the last it was sent
@@ -141,6 +143,7 @@ class WorldServer:
                 self._control.show(snapshot(core, self._statuses, factor, self._misses))
         wall = time.perf_counter() - started
         self._dismiss()
+        ticks_told = self._told
         outcome = core.outcomes[0]
         assert outcome is not None
         return Flown(
@@ -152,6 +155,7 @@ class WorldServer:
             real_time_factor=outcome.ticks * TICK_S / wall,
             deadline_misses=self._misses,
             median_frame_bytes=float(median(self._sizes)) if self._sizes else 0.0,
+            message_bytes=(self._heard_bytes / max(ticks_told, 1), self._told_bytes / max(ticks_told, 1)),
             first_tick_at=first_tick_at,
         )
 
@@ -225,7 +229,10 @@ class WorldServer:
                 continue
             self._asked[agent] = tick
             heard = [frames[sent % ring][source] for source, sent in pairs[start[agent] : start[agent + 1]]]
-            self._link.send(agent, messages.pack(messages.TICK, tick, pack_sensed(sensed, agent), heard))
+            message = messages.pack(messages.TICK, tick, pack_sensed(sensed, agent), heard)
+            self._told += 1
+            self._told_bytes += len(message)
+            self._link.send(agent, message)
 
     def _await(self, done: Callable[[int], bool]) -> None:
         """Receive until every awake drone is done; the drones are told meanwhile that the world is alive."""
@@ -275,6 +282,7 @@ class WorldServer:
         try:
             kind, fields = messages.unpack(data)
             if kind == messages.REPLY:
+                self._heard_bytes += len(data)
                 self._take_reply(agent, *fields)
             elif kind == messages.HELLO:
                 self._greet(agent, fields[0])

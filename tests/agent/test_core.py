@@ -29,7 +29,8 @@ def flown(task: Mission, ticks: int) -> Simulation:
 def test_depth_counts_the_edges_up_to_the_root() -> None:
     line = parse_mission({"agents": 5, "formation": {"shape": "line"}})
     assert shape_of(line).depth.tolist() == [2, 1, 0, 1, 2]
-    assert shape_of(parse_mission({})).depth.tolist() == [4, 3, 2, 3, 4, 3, 2, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 2, 3, 4, 3, 2, 3, 4]  # fmt: skip
+    square = [4, 3, 2, 3, 4, 3, 2, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 2, 3, 4, 3, 2, 3, 4]
+    assert shape_of(parse_mission({})).depth.tolist() == square
 
 
 def test_an_unknown_policy_is_refused_when_the_drone_is_made() -> None:

@@ -26,7 +26,7 @@ def observe(
     obstacles: list[tuple[float, float, float]] | None = None,
     neighbours: list[tuple[float, float, float, float]] | None = None,
 ) -> NDArray[np.float64]:
-    """X of one drone: obstacles as relative centre and radius, neighbours as relative position and velocity."""
+    """X of one drone. Obstacles: relative centre and radius. Neighbours: relative position and velocity."""
     sensed, memory = empty_sensed(1), empty_memory(1, 4)
     sensed.motion[0] = [7.0, -3.0, *velocity, 11.0, 0.0, *target_velocity]
     for index, (x, y, radius) in enumerate(obstacles or []):
@@ -126,7 +126,7 @@ PLAN = build_formation(shape_points("line", 4, 5.0), 5.0)  # root 1; 0 and 2 fol
 def aim(
     chain: bool, hops_to_leader: int = 1, me: int = 3, slots: tuple[int, ...] = (0, 1, 2, 3)
 ) -> tuple[list[float], list[float]]:
-    """(chain error, slot error) of drone ``me`` at (1, 2), whose leader is seen 1 m ahead and 4 m to the right."""
+    """(chain error, slot error) of drone ``me`` at (1, 2); its leader is 1 m ahead and 4 m to the right."""
     sensed, memory = empty_sensed(1), empty_memory(1, 4)
     sensed.motion[0] = [1.0, 2.0, 0.0, 0.0, 10.0, 0.0, 3.0, 0.0]
     slot_of = np.array([slots])

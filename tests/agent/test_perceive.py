@@ -146,7 +146,7 @@ def rules(max_hops: int = 3) -> Rules:
 
 
 def composed(hops: dict[int, int], tick: int = 512, max_hops: int = 3, me: int = 2) -> Frames:
-    """What drone ``me`` tells at ``tick``; the ages of drones 0 to 7 come first at ticks that are multiples of five."""
+    """What drone ``me`` tells at ``tick``, knowing others over so many hops."""
     memory, sensed, frames = empty_memory(1, N), empty_sensed(1), empty_frames(1)
     memory.hops[0] = UNKNOWN
     for other, distance in hops.items():
@@ -181,7 +181,7 @@ def test_a_frame_tells_no_more_than_the_last_hop_needs(max_hops: int, known: lis
 
 
 def test_ages_are_told_in_turn_over_all_drones() -> None:
-    # At every tick the window of eight moves on by eight among the ten drones. Drone i was seen 100 - 10 i ticks ago.
+    # The window of eight moves on by eight each tick. Drone i was seen 100 - 10 i ticks ago.
     told = {
         tick: (int(frames.age_from[0]), frames.ages[0].tolist())
         for tick in range(510, 513)

@@ -55,8 +55,7 @@ def reason(data: bytes, now: int = NOW) -> str | None:
     try:
         FrameReader(TAG, AGENTS, empty_frames(2)).read(data, now, OLDEST, 1)
     except FrameError as error:
-        assert error.reason in REASONS
-        return error.reason
+        return REASONS[REASONS.index(error.reason)]
     return None
 
 
@@ -157,10 +156,11 @@ def test_random_bytes_are_never_believed_and_never_crash(data: bytes) -> None:
     assert reason(data) is not None
 
 
+NUMBERS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats()
 ANYTHING = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(max_size=9),
-    lambda inner: st.lists(inner, max_size=6) | st.dictionaries(st.integers(0, 9) | st.text(max_size=3), inner, max_size=3),
-)  # fmt: skip
+    NUMBERS | st.binary(max_size=80) | st.text(max_size=9),
+    lambda inner: st.lists(inner, max_size=6) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+)
 
 
 @given(place=st.integers(0, 4), value=ANYTHING)

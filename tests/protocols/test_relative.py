@@ -1,4 +1,4 @@
-"""Multi-hop relative positions: exactly the paper's sum over a shortest path, and nothing beyond the last hop."""
+"""Multi-hop relative positions: the paper's sum over a shortest path, and nothing beyond the last hop."""
 
 import numpy as np
 import pytest
@@ -20,21 +20,18 @@ def relate(
     max_hops: int = 3,
     agents: int = 8,
 ) -> tuple[list[int], NDArray[np.float64]]:
-    """Hops and positions as drone 0 has them. ``heard``: sender -> (tick, its one-hop drones, its two-hop drones)."""
-    heard_tick, one_hop, count = (
-        np.full(agents, NEVER),
-        np.zeros(agents, np.int64),
-        np.zeros(agents, np.int64),
-    )
+    """Hops and positions as drone 0 has them; ``heard``: sender -> (tick, one-hop drones, two-hop drones)."""
+    heard_tick, (one_hop, count) = np.full(agents, NEVER), np.zeros((2, agents), np.int64)
     known, displacement = np.zeros((agents, 64), np.uint8), np.zeros((agents, 64, 2), np.float32)
     for sender, (when, ones, twos) in heard.items():
         heard_tick[sender], one_hop[sender], count[sender] = when, len(ones), len(ones) + len(twos)
         for entry, (other, step) in enumerate([*ones.items(), *twos.items()]):
             known[sender, entry], displacement[sender, entry] = other, step
     hops, rel = np.zeros(agents, np.int64), np.zeros((agents, 2))
+    near_id, near_rel = np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)])
     chain_displacements(
-        0, tick, memory, max_hops, len(near), np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)]), heard_tick,
-        one_hop, count, known, displacement, hops, rel,
+        0, tick, memory, max_hops, len(near), near_id, near_rel, heard_tick, one_hop, count, known, displacement,
+        hops, rel,
     )  # fmt: skip
     return hops.tolist(), rel
 
@@ -117,7 +114,7 @@ def chain(hops: int = 3) -> Mission:
 def flown(
     mission: Mission, ticks: int
 ) -> tuple[Simulation, NDArray[np.float64], NDArray[np.float64], list[list[int]]]:
-    """Fly a chain: per tick the true positions (T, 5, 2), what drone 0 believes (T, 5, 2), and over how many hops."""
+    """Fly a chain: per tick the true positions and drone 0's beliefs (T, 5, 2), and over how many hops."""
     simulation = Simulation([mission])
     simulation.agents.policy = Weave()
     positions, beliefs, hops = [], [], []

@@ -67,34 +67,18 @@ def test_a_tree_swap_brings_both_closer_by_the_margin(
 
 
 def ask(me: int, rule: int, places: list[float], fresh: bool = True, connected: bool = False) -> int:
-    """Whom drone ``me`` asks, if drone i holds slot i of a line abreast and is at y = places[i]; all hear all within 6 m."""
+    """Whom drone ``me`` asks. Drone i holds slot i of a line abreast, is at places[i], and reaches 6 m."""
     y = np.array(places)
     rel = np.stack([np.zeros(5), y - y[me]], axis=1)
     hops = np.ceil(np.abs(rel[:, 1]) / 6.0).astype(np.int64)
     heard = np.full(5, 99 if fresh else 10)
     slots = np.arange(5)
     error = LINE.offsets[me, 1] - y[me]
-    return int(
-        swap_partner(
-            me,
-            100,
-            rule,
-            0.5,
-            connected,
-            50,
-            6.0,
-            0.0,
-            error,
-            LINE.offsets,
-            LINE.parent,
-            DEPTH,
-            slots,
-            slots,
-            heard,
-            hops,
-            rel,
-        )
-    )
+    asked = swap_partner(
+        me, 100, rule, 0.5, connected, 50, 6.0, 0.0, error, LINE.offsets, LINE.parent, DEPTH, slots, slots, heard,
+        hops, rel,
+    )  # fmt: skip
+    return int(asked)
 
 
 IN_PLACE = [-10.0, -5.0, 0.0, 5.0, 10.0]
@@ -148,7 +132,7 @@ def test_connected_asks_for_one_piece_of_radio_graph() -> None:
 
 
 def vacancy(me: int, silent_since: dict[int, int], places: list[float] | None = None) -> int:
-    """Whose slot drone ``me`` takes at tick 1000 with 400 ticks of patience; the tree is a star of five slots."""
+    """Whose slot drone ``me`` of a star of five takes at tick 1000, after 400 ticks of patience."""
     star = build_formation(np.array([(0.0, 0.0), (5.0, 0.0), (-5.0, 0.0), (0.0, 5.0), (0.0, -5.0)]), 5.0)
     points = star.offsets.copy()
     for drone, x in enumerate(places or []):

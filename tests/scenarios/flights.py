@@ -1,6 +1,6 @@
 """Whole swarms in real processes, launched from interpreters of their own.
 
-A launcher must never have opened Zenoh, and some stories kill it: so none of them is the process of the tests.
+A launcher must never have opened Zenoh, and some stories kill it: so none is the process of the tests.
 """
 
 import json
@@ -54,7 +54,8 @@ except RunBroken as error:
     sys.exit(3)
 except KeyboardInterrupt:
     sys.exit(130)
-print(json.dumps({"lost": flown.outcome.lost_agents, "ticks": flown.outcome.ticks, "failure": flown.outcome.failure}))
+outcome = flown.outcome
+print(json.dumps({"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure}))
 """
 
 

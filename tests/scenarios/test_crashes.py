@@ -1,4 +1,4 @@
-"""Crashes: a drone that dies is named and the others fly on; whatever dies besides, nothing is left behind."""
+"""Crashes: a drone that dies is named and the others fly on; whatever else dies, nothing is left behind."""
 
 import json
 import signal

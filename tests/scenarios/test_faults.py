@@ -1,4 +1,4 @@
-"""Faults a mission asks for: done to real processes, they make the flight that the simulation makes of them."""
+"""Faults a mission asks for: done to real processes, they make the flight that the simulation makes."""
 
 from typing import Any
 

@@ -1,11 +1,13 @@
 """Twins: a flight in real processes is, bit for bit, the flight of the same mission in one process."""
 
+from dataclasses import asdict
 from typing import Any
 
 import pytest
 
 from protocols.mission import parse_mission
 from rsc_swarm.simulate import simulate
+from tests import loopback
 from tests.scenarios.flights import Fields, launched
 
 TWENTY_FIVE: Fields = {"agents": 25, "time_limit_s": 2.0, "start": {"scrambled": True}}
@@ -18,16 +20,19 @@ RADIOS: dict[str, Fields] = {
     "delay-jitter-duplicates-reordering": {"delay_ms": 20, "jitter_ms": 30, "duplicate": 0.2, "reorder": 0.2},
     "ten-hertz": {"frame_rate_hz": 10},
     "everything": {
-        "loss": 0.1, "burst": {"loss": 0.2}, "delay_ms": 10, "jitter_ms": 20, "duplicate": 0.1, "reorder": 0.1,
+        "loss": 0.1,
+        "burst": {"loss": 0.2},
+        "delay_ms": 10,
+        "jitter_ms": 20,
+        "duplicate": 0.1,
+        "reorder": 0.1,
         "frame_rate_hz": 50,
     },
-}  # fmt: skip
+}
 
 
 def simulated(fields: Fields) -> Fields:
-    """The outcome of the same flight in this process, and its radio traffic."""
-    from dataclasses import asdict
-
+    """The outcome of the same flight in this process."""
     outcome = asdict(simulate([parse_mission(fields)])[0])
     outcome["lost_agents"] = list(outcome["lost_agents"])
     return outcome
@@ -68,9 +73,7 @@ def test_twins_agree_to_the_very_end_of_a_whole_flight() -> None:
     ids=lambda way: next(iter(way)),
 )
 def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:
-    # Over bytes, without processes: what else could make a difference is the same for all of them.
-    from tests import loopback
-
+    # Over bytes, without processes: all else that could make a difference is the same for all of them.
     task = {**SIX, **way, "radio": {"loss": 0.2}}
     assert loopback.fly(parse_mission(task)).outcome == simulate([parse_mission(task)])[0]
 
@@ -83,7 +86,7 @@ def test_the_same_seed_is_the_same_flight_and_another_seed_another() -> None:
 
 
 def test_no_frame_from_beyond_radio_range_reaches_a_drone() -> None:
-    """In real processes: the world counts what it delivers, and every drone is farther than 6 m from all but its next."""
+    """In real processes: the world counts what it delivers, and each drone reaches only the one beside it."""
     abreast: Fields = {
         "agents": 6,
         "formation": {"shape": "line"},
@@ -93,7 +96,7 @@ def test_no_frame_from_beyond_radio_range_reaches_a_drone() -> None:
     }
     (flight,) = launched(abreast)
     tally: dict[str, Any] = flight["tally"]
-    # Six abreast have five pairs of neighbours: ten directed links, and one tick that is still under way at the end.
+    # Six abreast have five pairs: ten directed links. The last tick's frames are still under way at the end.
     assert tally["sent"] == 600
     assert tally["delivered"] == 10 * 99
     assert tally["out_of_range"] == 20 * 100

@@ -1,4 +1,4 @@
-"""WorldCore: faults in their tick, many worlds at once as if each were alone, and a digest that misses nothing."""
+"""WorldCore: faults in their tick, many worlds as if each were alone, a digest that misses nothing."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The field: obstacles from the map seed, start places and slots from the start seed, as the standard task says."""
+"""The field: obstacles from the map seed, start places and slots from the start seed."""
 
 from typing import Any
 

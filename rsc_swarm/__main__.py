@@ -1,0 +1,5 @@
+"""``python -m rsc_swarm`` is ``rsc-swarm``."""
+
+from rsc_swarm.cli import main
+
+main()
