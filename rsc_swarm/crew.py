@@ -17,6 +17,7 @@ from protocols.status import SWAP_COUNTS
 from rsc_swarm.simulate import Simulation
 from world.core import Outcome
 from world.field import FieldError, draw_obstacles, draw_start
+from world.watch import Watched
 
 Seeds = tuple[int, int]  # map seed, start seed
 _TELL_EVERY = 50  # ticks
@@ -26,11 +27,12 @@ _ROWS = 150
 
 @dataclass(frozen=True)
 class Flight:
-    """One flight of a batch: its seeds, how it ended, and the swaps of all its drones per SWAP_COUNTS."""
+    """One flight of a batch: its seeds, how it ended, what the watch saw, and the swaps of all drones per SWAP_COUNTS."""
 
     map_seed: int
     seed: int
     outcome: Outcome
+    watched: Watched
     swaps: dict[str, int]
 
 
@@ -60,7 +62,7 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
                 for party in simulation.agents.parties.party[world * agents : (world + 1) * agents]
             ]
             swaps = {name: sum(getattr(count, name) for count in counts) for name in SWAP_COUNTS}
-            yield Flight(*seeds[world], outcome, swaps)
+            yield Flight(*seeds[world], outcome, simulation.watches[world].result(outcome.ticks), swaps)
 
 
 def _simulation(mission: Mission, seeds: list[Seeds]) -> Simulation:

@@ -58,6 +58,14 @@ class Evaluation(BaseModel):
     held_rate: float | None = Field(
         description="share of all runs whose formation held for hold_s; null if hold_s is 0"
     )
+    formed_mean_s: float | None = Field(
+        description="mean time at which the formation first stood, wherever that was, over flights in which it did"
+    )
+    breaches: int = Field(description="flights in which an invariant of the slot views was broken")
+    disagreed: int = Field(description="flights at whose end the living drones' views of the slots differed")
+    agreed_after_max_s: float | None = Field(
+        description="longest time from the last fault until all views were equal for good, over flights that agreed"
+    )
     overlap_mean_s: float = Field(
         description="mean time during which drones claimed the same slot, summed over drones"
     )
@@ -155,6 +163,8 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     collisions = sum(outcome.failure == "collision" for outcome in outcomes)
     nearest = [outcome.min_distance_m for outcome in outcomes if math.isfinite(outcome.min_distance_m)]
     taus = [outcome.tau_s for outcome in good if outcome.tau_s is not None]
+    formed = [outcome.formed_s for outcome in outcomes if outcome.formed_s is not None]
+    agreed = [after for flight in flights if (after := flight.watched.agreed_after_s) is not None]
     low, high = wilson(len(good), runs)
     held = (
         sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
@@ -173,6 +183,10 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         min_distance_m=min(nearest, default=None),
         min_distance_mean_m=fmean(nearest) if nearest else None,
         held_rate=held,
+        formed_mean_s=fmean(formed) if formed else None,
+        breaches=sum(flight.watched.breach is not None for flight in flights),
+        disagreed=len(flights) - len(agreed),
+        agreed_after_max_s=max(agreed, default=None),
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
         swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
         failures=[_failed(flight) for flight in flights if not flight.outcome.success],

@@ -150,6 +150,7 @@ def _row(result: Evaluation) -> dict[str, str]:
         "C %": number(result.collision_rate, 1, 100),
         "D %": number(result.noncollision_rate, 1, 100),
         "tau s": number(result.tau_mean_s, 2),
+        "formed s": number(result.formed_mean_s, 2),
         "slot m": number(result.slot_error_max_m, 2),
         "nearest m": number(result.min_distance_m, 2),
         "swaps": number(result.swaps_per_flight["committed"] + result.swaps_per_flight["vacated"], 1),
@@ -177,10 +178,14 @@ def _print_notes(out: Console, result: Evaluation, options: MissionOptions, seco
     first, last = result.maps
     out.print(
         f"\nMaps {first} to {last}, {result.starts} start{'s' if result.starts > 1 else ''} each, "
-        f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; "
+        f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; formed: when the formation first stood; "
         "slot: largest slot error at success; nearest: smallest distance ever; swaps: made per flight.",
         soft_wrap=False,
     )
+    if result.breaches or result.disagreed:
+        out.print(
+            f"[bold red]Slot views: {result.breaches} flights broke an invariant, {result.disagreed} ended in disagreement.[/]"
+        )
     if not result.failures:
         out.print(
             f"No failure in {result.runs} runs: the failure rate is below {300 / result.runs:.2g} % (95 %)."

@@ -21,6 +21,7 @@ from agent.policy import find_policy
 from protocols.mission import Mission
 from rsc_swarm.crew import Flight, Seeds
 from world.core import Outcome
+from world.watch import Watched
 
 _ROOT = Path(__file__).resolve().parent.parent
 _DECIDING = ("protocols", "agent", "world", "rsc_swarm/simulate.py")
@@ -102,7 +103,8 @@ def _parse(line: str) -> Flight | None:
     """A flight, or None for a line that was cut off."""
     try:
         fields = json.loads(line)
-        outcome = fields.pop("outcome")
-        return Flight(outcome=Outcome(**{**outcome, "lost_agents": tuple(outcome["lost_agents"])}), **fields)
+        outcome, watched = fields.pop("outcome"), Watched(**fields.pop("watched"))
+        ended = Outcome(**{**outcome, "lost_agents": tuple(outcome["lost_agents"])})
+        return Flight(outcome=ended, watched=watched, **fields)
     except (ValueError, TypeError, KeyError):
         return None

@@ -30,8 +30,8 @@ def relate(
     hops, rel = np.zeros(agents, np.int64), np.zeros((agents, 2))
     near_id, near_rel = np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)])
     chain_displacements(
-        0, tick, memory, max_hops, len(near), near_id, near_rel, heard_tick, one_hop, count, known, displacement,
-        hops, rel,
+        0, tick, memory, max_hops, len(near), near_id, near_rel, heard_tick, one_hop, count, known,
+        displacement, hops, rel,
     )  # fmt: skip
     return hops.tolist(), rel
 

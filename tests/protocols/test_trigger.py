@@ -75,8 +75,8 @@ def ask(me: int, rule: int, places: list[float], fresh: bool = True, connected: 
     slots = np.arange(5)
     error = LINE.offsets[me, 1] - y[me]
     asked = swap_partner(
-        me, 100, rule, 0.5, connected, 50, 6.0, 0.0, error, LINE.offsets, LINE.parent, DEPTH, slots, slots, heard,
-        hops, rel,
+        me, 100, rule, 0.5, connected, 50, 6.0, 0.0, error, LINE.offsets, LINE.parent, DEPTH, slots, slots,
+        heard, hops, rel,
     )  # fmt: skip
     return int(asked)
 

@@ -25,15 +25,11 @@ def mission(time_limit_s: float = 0.6, **fields: Any) -> Mission:
     )
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _kernels_loaded() -> None:
-    fly(mission(time_limit_s=0.02))
-
-
-@pytest.fixture(autouse=True)
-def _little_patience(monkeypatch: pytest.MonkeyPatch, _kernels_loaded: None) -> None:
-    monkeypatch.setattr(server, "_ANSWER_S", 0.5)
-    monkeypatch.setattr(server, "_JOIN_S", 0.8)
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The world waits for a missing answer no longer than it must."""
+    fly(mission(time_limit_s=0.02))  # loads the kernels, which takes longer
+    monkeypatch.setattr(server, "_ANSWER_S", 0.7)
 
 
 def test_drones_that_exchange_bytes_fly_the_flight_of_drones_that_share_rows() -> None:
@@ -109,6 +105,7 @@ def test_rubbish_beside_its_answers_changes_nothing(rubbish: Any) -> None:
     )
 
 
+@pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("data", [b"", b"\xc1", b"\x97", bytes(3000), msgpack.packb(GARBAGE["text-command"])])
 def test_a_drone_that_answers_rubbish_is_as_lost_as_one_that_is_silent(data: bytes) -> None:
     silent = fly(mission(), lambda agent, tick, reply: [] if agent == 5 and tick >= 30 else [reply]).outcome
@@ -120,6 +117,7 @@ def test_a_drone_that_answers_rubbish_is_as_lost_as_one_that_is_silent(data: byt
     assert babbling == silent
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_drone_that_speaks_for_all_ticks_to_come_must_still_answer_each() -> None:
     def leap(agent: int, tick: int, reply: bytes) -> list[bytes]:
         if agent != 5 or tick < 30:
@@ -150,6 +148,7 @@ def test_frames_that_are_no_frames_are_relayed_counted_and_dropped() -> None:
     )
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_drone_that_never_answers_is_lost_after_a_while_and_named() -> None:
     swarm = Loopback(mission(), lambda agent, tick, reply: [] if agent == 2 else [reply])
     flown = WorldServer(mission(), swarm, "lockstep", swarm).run()
@@ -170,6 +169,7 @@ def test_a_drone_whose_process_ends_is_lost_at_once() -> None:
     assert WorldServer(mission(), swarm, "lockstep", swarm).run().outcome.lost_agents == (3,)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_flight_whose_drones_are_all_lost_is_over() -> None:
     outcome = fly(mission(), lambda agent, tick, reply: [] if tick >= 5 else [reply]).outcome
     assert (outcome.failure, outcome.lost_agents) == ("all-lost", tuple(range(6)))
@@ -184,10 +184,11 @@ def test_a_drone_of_another_version_is_refused_by_name_before_the_flight() -> No
         WorldServer(mission(), swarm, "lockstep", swarm).run()
 
 
-def test_drones_that_do_not_come_are_named() -> None:
+def test_drones_that_do_not_come_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_JOIN_S", 2.5)
     swarm = Loopback(mission())
     swarm._alive -= {1, 4}
-    with pytest.raises(ServerError, match=r"^agents \[1, 4\] did not arrive within 0.8 s$"):
+    with pytest.raises(ServerError, match=r"^agents \[1, 4\] did not arrive within 2.5 s$"):
         WorldServer(mission(), swarm, "lockstep", swarm).run()
 
 
@@ -229,6 +230,7 @@ def test_the_launcher_is_asked_to_do_what_the_mission_says() -> None:
     assert outcome.lost_agents == (1,)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_restarted_drone_that_does_not_come_back_is_lost() -> None:
     swarm = Loopback(mission(faults=[{"at_s": 0.1, "kind": "restart", "agents": [1]}]))
     swarm.apply = lambda kind, agents: swarm._alive.discard(1)  # type: ignore[method-assign]
