@@ -180,11 +180,12 @@ class SlotParty:
         if sender == self.me:
             return
         self.advance(tick)
-        adopted = self.counts.adopted
+        adopted, known = self.counts.adopted, (self.book.digest, self.book.base)
         self._gossip.hear(note, self.counts)
         if self.stance is Stance.AMNESIAC and not self._gossip.amnesiac:
             self._turn("join")
-        self._look_again(tick, self.counts.adopted > adopted)
+        if (self.book.digest, self.book.base) != known:
+            self._look_again(tick, self.counts.adopted > adopted)
         for answer in note.refusals:
             self._hear_refusal(answer, sender, tick)
         if note.acceptance is not None and note.acceptance.proposer == self.me:

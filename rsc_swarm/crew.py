@@ -62,7 +62,7 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
                 for party in simulation.agents.parties.party[world * agents : (world + 1) * agents]
             ]
             swaps = {name: sum(getattr(count, name) for count in counts) for name in SWAP_COUNTS}
-            yield Flight(*seeds[world], outcome, simulation.watches[world].result(outcome.ticks), swaps)
+            yield Flight(*seeds[world], outcome, simulation.watches[world].result(), swaps)
 
 
 def _simulation(mission: Mission, seeds: list[Seeds]) -> Simulation:

@@ -64,7 +64,7 @@ class Evaluation(BaseModel):
     breaches: int = Field(description="flights in which an invariant of the slot views was broken")
     disagreed: int = Field(description="flights at whose end the living drones' views of the slots differed")
     agreed_after_max_s: float | None = Field(
-        description="longest time from the last fault until all views were equal for good, over flights that agreed"
+        description="longest time from the last fault until all views were equal, over flights in which they were"
     )
     overlap_mean_s: float = Field(
         description="mean time during which drones claimed the same slot, summed over drones"
@@ -164,7 +164,7 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     nearest = [outcome.min_distance_m for outcome in outcomes if math.isfinite(outcome.min_distance_m)]
     taus = [outcome.tau_s for outcome in good if outcome.tau_s is not None]
     formed = [outcome.formed_s for outcome in outcomes if outcome.formed_s is not None]
-    agreed = [after for flight in flights if (after := flight.watched.agreed_after_s) is not None]
+    agreed_after = [after for flight in flights if (after := flight.watched.agreed_after_s) is not None]
     low, high = wilson(len(good), runs)
     held = (
         sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
@@ -185,8 +185,8 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         held_rate=held,
         formed_mean_s=fmean(formed) if formed else None,
         breaches=sum(flight.watched.breach is not None for flight in flights),
-        disagreed=len(flights) - len(agreed),
-        agreed_after_max_s=max(agreed, default=None),
+        disagreed=sum(not flight.watched.agreed for flight in flights),
+        agreed_after_max_s=max(agreed_after, default=None),
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
         swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
         failures=[_failed(flight) for flight in flights if not flight.outcome.success],

@@ -82,7 +82,7 @@ def fly(
         outcome=outcome,
         tally=dict(zip(TALLY, (int(number) for number in core.tally[0]), strict=True)),
         statuses=statuses(simulation),
-        watched=simulation.watches[0].result(simulation.clock),
+        watched=simulation.watches[0].result(),
         wall_s=wall,
         real_time_factor=simulation.clock * TICK_S / wall,
         deadline_misses=0,

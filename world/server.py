@@ -150,7 +150,7 @@ class WorldServer:
             outcome=outcome,
             tally=dict(zip(TALLY, (int(number) for number in core.tally[0]), strict=True)),
             statuses=self._statuses,
-            watched=self._watch.result(outcome.ticks),
+            watched=self._watch.result(),
             wall_s=wall,
             real_time_factor=outcome.ticks * TICK_S / wall,
             deadline_misses=self._misses,

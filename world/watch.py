@@ -21,12 +21,13 @@ _COMMITTED, _VACATED, _UNDONE = (SWAP_COUNTS.index(name) for name in ("committed
 
 @dataclass(frozen=True)
 class Watched:
-    """What the watch saw in one flight. agreed_after_s: seconds from the last fault (or the start) to the first moment from
-    which all living drones had one view to the end; None if they had not."""
+    """What the watch saw in one flight. agreed_after_s: seconds from the last fault (or the start) to the first moment at which
+    all living drones had one view; None if there was none. agreed: whether they had one view at the end."""
 
     breach: str | None
     views_differ_s: float
     agreed_after_s: float | None
+    agreed: bool
     most_swaps_in_a_second: int
     undone: int
 
@@ -49,7 +50,7 @@ class Watch:
         self._differ = False
         self._differ_ticks = 0
         self._last_fault = 0
-        self._last_differ = -1
+        self._agreed_at: int | None = None
         self.breach: str | None = None
 
     def see(self, tick: int, agent: int, status: AgentStatus) -> None:
@@ -72,6 +73,7 @@ class Watch:
     def fault(self, tick: int) -> None:
         """Something was done to the swarm at this tick."""
         self._last_fault = tick
+        self._agreed_at = None
 
     def tick(self, tick: int, living: list[int]) -> None:
         """Once per tick, after all accounts: ``living`` are the drones that fly and answer."""
@@ -81,7 +83,8 @@ class Watch:
             self._living = len(living)
         if self._differ:
             self._differ_ticks += 1
-            self._last_differ = tick
+        elif self._agreed_at is None:
+            self._agreed_at = tick
         if not self._changed and not self._recent:
             return
         self._changed = False
@@ -96,14 +99,14 @@ class Watch:
         if in_a_second > self._bound and not self.breach:
             self.breach = f"livelock at tick {tick}: {in_a_second} swaps within one second, at most {self._bound} are possible"
 
-    def result(self, tick: int) -> Watched:
-        """What was seen up to ``tick``."""
-        agreed = self._last_differ < tick - 1
-        after = max(0, self._last_differ + 1 - self._last_fault) * TICK_S
+    def result(self) -> Watched:
+        """What was seen so far."""
+        after = None if self._agreed_at is None else round((self._agreed_at - self._last_fault) * TICK_S, 2)
         return Watched(
             breach=self.breach,
             views_differ_s=self._differ_ticks * TICK_S,
-            agreed_after_s=round(after, 2) if agreed else None,
+            agreed_after_s=after,
+            agreed=not self._differ,
             most_swaps_in_a_second=self._most,
             undone=sum(status.swaps[_UNDONE] for status in self._status.values()),
         )

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from copy import copy
-from typing import Any
 
 import msgpack
 import pytest
 
-from protocols.slots import Checkpoint, Mark, Swap
-from protocols.swap import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, decode, encode
-from protocols.swap_notes import Acceptance, Proposal, Refusal
-from protocols.versioned import VersionedParty
+from protocols.swap import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, encode
+from protocols.swap_notes import Refusal
 
 RULES = SwapRules()
 
@@ -422,75 +419,6 @@ def test_a_restarted_agent_never_reuses_a_name() -> None:
     assert first[:3] != second[:3]
 
 
-# Notes from the air
-
-FULL = SlotNote(
-    digest=2**64 - 1,
-    settled=False,
-    amnesiac=True,
-    proposal=Proposal(1, 7, 0, 1),
-    acceptance=Acceptance(2, 9, 4),
-    refusals=(Refusal(1, 3),),
-    mark=Mark(2, 5),
-    ops=(Swap(3, 0, 1, 0, 0, 1, 1),),
-    had=0b101,
-    checkpoint=Checkpoint((2, 0, 1), 6, clock=1, size=1),
-)
-
-
-@pytest.mark.parametrize("note", [FULL, SlotNote(5, True), SlotNote(5, False)])
-def test_notes_survive_the_air(note: SlotNote) -> None:
-    assert decode(msgpack.unpackb(msgpack.packb(encode(note))), 3) == note
-
-
-WRONG: list[tuple[int, Any]] = [
-    (0, -1),
-    (0, 2**64),
-    (0, 1.0),
-    (0, True),
-    (1, 2),
-    (1, None),
-    (2, 2),
-    (3, [1, 7, 0]),
-    (3, [3, 7, 0, 1]),
-    (3, [1, 7, 1, 1]),
-    (3, "abcd"),
-    (3, [1, True, 0, 1]),
-    (4, [3, 9, 4]),
-    (4, [2, 9]),
-    (5, None),
-    (5, [[1, 3]] * 9),
-    (6, [2, -5]),
-    (7, [[0, 0, 1, 0, 0, 1, 1]]),
-    (7, [[3, 0, 1, 0, 0, 0, 1]]),
-    (7, [[3, 0, 1, 0, 0, 3, 1]]),
-    (7, [[3, 0, 1, 0, 0, 1, 1]] * 17),
-    (7, [[2**48, 0, 1, 0, 0, 1, 1]]),
-    (8, 5),
-    (8, b"\x08"),
-    (8, b"\1\0"),
-    (9, []),
-    (9, [b"\0\0\1", 6, 1, 1]),
-    (9, [b"\0\1", 6, 1, 1]),
-    (9, [[0, 1, 2], 6, 1, 1]),
-    (9, [b"\0\1\2", 6, 1]),
-]
-
-
-@pytest.mark.parametrize(("field", "value"), WRONG)
-def test_a_malformed_field_is_an_error(field: int, value: object) -> None:
-    fields = list(encode(FULL))
-    fields[field] = value
-    with pytest.raises(ValueError, match=r"."):
-        decode(fields, 3)
-
-
-@pytest.mark.parametrize("wrong", [None, 5, b"ab", "ab", {}, [], [1], [1, 1, 1], [[], []]])
-def test_a_malformed_note_is_an_error(wrong: object) -> None:
-    with pytest.raises(ValueError, match=r"."):
-        decode(wrong, 3)
-
-
 def test_a_copy_goes_its_own_way() -> None:
     a, _ = parties(2)
     twin = copy(a)
@@ -503,41 +431,3 @@ def test_rules_that_cannot_work_are_rejected() -> None:
     for wrong in ({"repair_per_frame": 0}, {"repair_per_frame": 17}, {"repair_frames": 0}, {"open_max": 1}):
         with pytest.raises(ValueError, match=r"note holds|at least"):
             SwapRules(**wrong)
-
-
-# The plain rule
-
-
-def versioned(n: int) -> list[Any]:
-    return [VersionedParty(agent, range(n), RULES) for agent in range(n)]
-
-
-def test_the_highest_version_spreads_and_falls_quiet() -> None:
-    swarm = versioned(4)
-    swarm[0].propose(1, tick=0)
-    assert not swarm[0].ready(99)
-    rounds(swarm, 1)
-    assert {party.slot_of for party in swarm} == {(1, 0, 2, 3)}
-    rounds(swarm, 6)
-    assert all(party.quiet and party.note(9).quiet for party in swarm)
-
-
-def test_of_two_far_swaps_the_highest_version_loses_one() -> None:
-    swarm = versioned(4)
-    swarm[0].propose(1, tick=0)
-    swarm[2].propose(3, tick=0)
-    rounds(swarm, 3)
-    assert {party.slot_of for party in swarm} == {(0, 1, 3, 2)}
-    assert swarm[0].counts.undone == 1
-
-
-def test_a_versioned_amnesiac_joins() -> None:
-    swarm = versioned(3)
-    swarm[0].propose(1, tick=0)
-    rounds(swarm, 6)
-    swarm[2] = VersionedParty(2, range(3), RULES, nonce=1, amnesiac=True)
-    with pytest.raises(IllegalSwap):
-        swarm[2].propose(0, tick=0)
-    rounds(swarm, 2)
-    assert swarm[2].stance is Stance.IDLE
-    assert swarm[2].slot_of == (1, 0, 2)

@@ -69,8 +69,9 @@ def test_twins_agree_to_the_very_end_of_a_whole_flight() -> None:
         {"sensing": {"neighbours": "heard"}},
         {"swap": {"rule": "tree"}},
         {"policy": "cruise"},
+        {"swap": {"protocol": "highest-version"}, "faults": [{"at_s": 1, "kind": "restart", "agents": [2]}]},
     ],
-    ids=lambda way: next(iter(way)),
+    ids=["chain", "heard", "tree", "cruise", "highest-version"],
 )
 def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:
     # Over bytes, without processes: all else that could make a difference is the same for all of them.

@@ -24,7 +24,7 @@ def test_equal_views_break_nothing() -> None:
     watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
     for tick in range(100):
         watch.tick(tick, ALL)
-    watched = watch.result(100)
+    watched = watch.result()
     assert (watched.breach, watched.views_differ_s, watched.agreed_after_s) == (None, 0.0, 0.0)
 
 
@@ -68,7 +68,7 @@ def test_as_many_swaps_spread_over_more_than_a_second_are_none() -> None:
             watch.see(tick, 0, account(FIRST, 7, committed=tick // 20))
         watch.tick(tick, ALL)
     assert watch.breach is None
-    assert watch.result(400).most_swaps_in_a_second == 5
+    assert watch.result().most_swaps_in_a_second == 5
 
 
 def test_the_time_of_unlike_views_is_counted_until_all_have_learnt() -> None:
@@ -78,7 +78,7 @@ def test_the_time_of_unlike_views_is_counted_until_all_have_learnt() -> None:
             if tick == when:
                 watch.see(tick, agent, account(SWAPPED, 8))
         watch.tick(tick, ALL)
-    watched = watch.result(100)
+    watched = watch.result()
     assert watched.views_differ_s == pytest.approx(0.12)
     assert watched.agreed_after_s == pytest.approx(0.32)
 
@@ -94,7 +94,7 @@ def test_agreement_is_timed_from_the_last_fault() -> None:
             watch.see(tick, 1, account(SWAPPED, 8))
             watch.see(tick, 2, account(SWAPPED, 8))
         watch.tick(tick, ALL)
-    assert watch.result(100).agreed_after_s == pytest.approx(0.2)
+    assert watch.result().agreed_after_s == pytest.approx(0.2)
 
 
 def test_who_is_dead_need_not_agree() -> None:
@@ -102,15 +102,15 @@ def test_who_is_dead_need_not_agree() -> None:
     watch.tick(0, ALL)
     for tick in range(1, 10):
         watch.tick(tick, [0, 2])
-    assert watch.result(10).views_differ_s == pytest.approx(0.01)
-    assert watch.result(10).agreed_after_s == pytest.approx(0.01)
+    assert watch.result().views_differ_s == pytest.approx(0.01)
+    assert watch.result().agreed_after_s == pytest.approx(0.01)
 
 
 def test_a_flight_that_ends_in_disagreement_says_so() -> None:
     watch = watch_of((FIRST, 7), (SWAPPED, 8), (FIRST, 7))
     for tick in range(10):
         watch.tick(tick, ALL)
-    assert watch.result(10).agreed_after_s is None
+    assert watch.result().agreed_after_s is None
 
 
 def test_swaps_turned_off_by_a_merge_are_added_up() -> None:
@@ -118,4 +118,4 @@ def test_swaps_turned_off_by_a_merge_are_added_up() -> None:
     watch.see(0, 0, account(FIRST, 7, undone=2))
     watch.see(0, 1, account(FIRST, 7, undone=1))
     watch.see(5, 1, account(FIRST, 7, undone=3))
-    assert watch.result(6).undone == 5
+    assert watch.result().undone == 5
