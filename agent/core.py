@@ -26,6 +26,8 @@ from protocols.mission import Mission
 from protocols.sensed import Sensed
 from protocols.status import SWAP_COUNTS, AgentStatus
 
+_FLOAT64 = np.dtype(np.float64)
+
 
 class AgentCore:
     """A drones of swarms that fly the same mission (up to seeds).
@@ -64,7 +66,9 @@ class AgentCore:
         self.views = empty_views(len(agents), mission.agents)
         self.parties = Parties(mission, agents, initial_slots, self.views, boot)
         self._rules = rules_of(mission)
-        self._desk = make_desk(self._rules, shape_of(mission), self.views, self.work, sensed, frames, self.memory)
+        self._desk = make_desk(
+            self._rules, shape_of(mission), self.views, self.work, sensed, frames, self.memory
+        )
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
@@ -80,10 +84,22 @@ class AgentCore:
         self.parties.changed.clear()
         if cycle.before_policy(tick, desk) and self.parties.step(tick, work, self.frames, self.notes):
             cycle.aim_again(desk)
-        seen = Seen(tick, work.me, work.awake, self.sensed.motion, work.chain_error, work.slot_error, work.observation, self.memory, desk)
+        seen = Seen(
+            tick,
+            work.me,
+            work.awake,
+            self.sensed.motion,
+            work.chain_error,
+            work.slot_error,
+            work.observation,
+            self.memory,
+            desk,
+        )
         command = self.policy.act(seen)
-        if command.shape != work.slot_error.shape or command.dtype != np.float64:
-            raise PolicyError(f"policy: act must return {work.slot_error.shape} float64, not {command.shape} {command.dtype}")
+        if command.shape != work.slot_error.shape or command.dtype != _FLOAT64:
+            raise PolicyError(
+                f"policy: act must return {work.slot_error.shape} float64, not {command.shape} {command.dtype}"
+            )
         cycle.after_policy(tick, first, desk, command)
         self.parties.write_notes(tick, work.sent, self.frames, self.notes, first)
         return command
@@ -93,4 +109,6 @@ class AgentCore:
         party = self.parties.party[row]
         fresh = tick - self.memory.heard_tick[row] <= self._rules.memory_ticks
         counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
-        return AgentStatus(int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of))
+        return AgentStatus(
+            int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of)
+        )

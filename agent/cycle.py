@@ -13,7 +13,6 @@ from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
 from protocols import trigger
 from protocols.dynamics import ABSURD_MPS2
-from protocols.frames import Frames
 from protocols.kernels import inlined_kernel, kernel
 from protocols.sensed import Sensed
 
@@ -30,7 +29,9 @@ def _aim_and_observe(
 
 
 @inlined_kernel
-def _ask_triggers(tick: int, row: int, rules: Rules, shape: Shape, views: Views, work: Work, memory: Memory) -> None:
+def _ask_triggers(
+    tick: int, row: int, rules: Rules, shape: Shape, views: Views, work: Work, memory: Memory
+) -> None:
     me, ex, ey = work.me[row], work.chain_error[row, 0], work.chain_error[row, 1]
     work.partner[row] = trigger.swap_partner(
         me, tick, rules.swap_rule, rules.margin_m, rules.connected, rules.memory_ticks, rules.range_m, ex, ey, shape.offsets,
@@ -74,7 +75,14 @@ def before_policy(tick: int, desk: Desk) -> bool:
 @kernel
 def aim_again(desk: Desk) -> None:
     """Targets and observations after a view of the slots has changed."""
-    rules, shape, views, work, sensed, memory = desk.rules, desk.shape, desk.views, desk.work, desk.sensed, desk.memory
+    rules, shape, views, work, sensed, memory = (
+        desk.rules,
+        desk.shape,
+        desk.views,
+        desk.work,
+        desk.sensed,
+        desk.memory,
+    )
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             _aim_and_observe(row, rules, shape, views, work, sensed, memory)
@@ -87,7 +95,14 @@ def after_policy(tick: int, first: int, desk: Desk, command: NDArray[np.float64]
     A policy that wants what is no number, or an absurd one, wants nothing. Drones take turns at low frame rates, so that not
     all speak in the same tick.
     """
-    rules, views, work, sensed, frames, memory = desk.rules, desk.views, desk.work, desk.sensed, desk.frames, desk.memory
+    rules, views, work, sensed, frames, memory = (
+        desk.rules,
+        desk.views,
+        desk.work,
+        desk.sensed,
+        desk.frames,
+        desk.memory,
+    )
     for row in range(work.me.shape[0]):
         work.sent[row] = work.awake[row] and (tick + work.me[row]) % rules.frame_every == 0
         if not work.awake[row]:

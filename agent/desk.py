@@ -87,6 +87,14 @@ class _DeskType(types.StructRef):  # type: ignore[misc]
 class Desk(structref.StructRefProxy):  # type: ignore[misc]
     """The one object; made by `make_desk`. Its fields are for kernels only."""
 
+    rules: Rules
+    shape: Shape
+    views: Views
+    work: Work
+    sensed: Sensed
+    frames: Frames
+    memory: Memory
+
 
 structref.define_proxy(Desk, _DeskType, ["rules", "shape", "views", "work", "sensed", "frames", "memory"])
 

@@ -19,7 +19,10 @@ def make_party(mission: Mission, me: int, initial: list[int], boot: int) -> Slot
     spec = mission.swap
     answer = round(spec.answer_s / TICK_S)
     rules = SwapRules(
-        cooldown_ticks=round(spec.cooldown_s / TICK_S), answer_ticks=answer, lock_ticks=2 * answer, retry_ticks=10
+        cooldown_ticks=round(spec.cooldown_s / TICK_S),
+        answer_ticks=answer,
+        lock_ticks=2 * answer,
+        retry_ticks=10,
     )
     party = SlotParty if spec.protocol == "agreed" else VersionedParty
     return party(me, initial, rules, nonce=boot, amnesiac=boot > 0)
@@ -31,10 +34,19 @@ class Parties:
     changed: rows whose view changed this tick.
     """
 
-    def __init__(self, mission: Mission, me: NDArray[np.int64], initial_slots: NDArray[np.int16], views: Views, boot: int) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        me: NDArray[np.int64],
+        initial_slots: NDArray[np.int16],
+        views: Views,
+        boot: int,
+    ) -> None:
         self._mission, self._me, self._views = mission, me, views
         self._initial = [[int(slot) for slot in row] for row in initial_slots]
-        self.party = [make_party(mission, int(agent), self._initial[row], boot) for row, agent in enumerate(me)]
+        self.party = [
+            make_party(mission, int(agent), self._initial[row], boot) for row, agent in enumerate(me)
+        ]
         self.changed: list[int] = []
         self._busy = boot > 0  # whether any party was busy when last looked at
         for row in range(len(me)):
@@ -60,7 +72,7 @@ class Parties:
 
     def step(self, tick: int, work: Work, frames: Frames, notes: list[object]) -> bool:
         """For rows with news: hear the notes, watch the time-outs, act on the triggers. True if any view changed."""
-        for row in np.flatnonzero(work.news):
+        for row in np.flatnonzero(work.news).tolist():
             party, partner, vacated = self.party[row], int(work.partner[row]), int(work.vacated[row])
             for index in work.inbox[work.inbox_start[row] : work.inbox_start[row + 1]]:
                 note = notes[index] if frames.loud[index] else SlotNote(int(frames.digest[index]), True)
@@ -72,15 +84,17 @@ class Parties:
             elif partner != NOBODY and party.ready(tick):
                 party.propose(partner, tick)
             if self._refresh(row):
-                self.changed.append(int(row))
+                self.changed.append(row)
         self._busy = bool(self._views.busy.any())
         return bool(self.changed)
 
-    def write_notes(self, tick: int, sent: NDArray[np.bool_], frames: Frames, notes: list[object], first: int) -> None:
+    def write_notes(
+        self, tick: int, sent: NDArray[np.bool_], frames: Frames, notes: list[object], first: int
+    ) -> None:
         """Where a sending row's note says more than its digest, put it into its frame row."""
         if not self._busy:
             return
-        for row in np.flatnonzero(sent & self._views.busy):
+        for row in np.flatnonzero(sent & self._views.busy).tolist():
             note = self.party[row].note(tick)
             if not (note.quiet and note.settled):
                 notes[first + row] = note

@@ -3,11 +3,18 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.desk import Rules, Work
 from agent.memory import Memory
-from protocols.frames import AGE_NEVER, AGE_UNIT_TICKS, AGE_WINDOW, MAX_KNOWN, OBSERVATION_SIZE, OBSERVATION_UNIT, Frames
+from protocols.frames import (
+    AGE_NEVER,
+    AGE_UNIT_TICKS,
+    AGE_WINDOW,
+    MAX_KNOWN,
+    OBSERVATION_SIZE,
+    OBSERVATION_UNIT,
+    Frames,
+)
 from protocols.kernels import inlined_kernel
 from protocols.mission import TICK_S
 from protocols.relative import chain_displacements
@@ -22,7 +29,7 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
     sender, tick = np.int64(frames.sender[index]), np.int64(frames.tick[index])
     last_seen, agents = memory.last_seen[row], memory.last_seen.shape[1]
     last_seen[sender] = max(last_seen[sender], tick)
-    other = np.int64(frames.age_from[index])
+    other = int(frames.age_from[index])
     for offset in range(min(AGE_WINDOW, agents)):
         age = np.int64(frames.ages[index, offset])
         if age != AGE_NEVER:
@@ -59,7 +66,12 @@ def find_neighbours(
             memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near[3], near[4]
         memory.near_count[row] = count
         return
-    px, py, vx, vy = sensed.motion[row, 0], sensed.motion[row, 1], sensed.motion[row, 2], sensed.motion[row, 3]
+    px, py, vx, vy = (
+        sensed.motion[row, 0],
+        sensed.motion[row, 1],
+        sensed.motion[row, 2],
+        sensed.motion[row, 3],
+    )
     count = 0
     for other in range(memory.heard_tick.shape[1]):
         age = tick - memory.heard_tick[row, other]
@@ -86,7 +98,10 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
         x, y = px + sensed.obstacles[row, index, 0], py + sensed.obstacles[row, index, 1]
         match = -1
         for disc in range(known):
-            if abs(memory.disc[row, disc, 0] - x) < _SAME_DISC_M and abs(memory.disc[row, disc, 1] - y) < _SAME_DISC_M:
+            if (
+                abs(memory.disc[row, disc, 0] - x) < _SAME_DISC_M
+                and abs(memory.disc[row, disc, 1] - y) < _SAME_DISC_M
+            ):
                 match = disc
         if match < 0 and known < memory.disc.shape[1]:
             match = known
@@ -139,7 +154,15 @@ def perceive_row(
 
 @inlined_kernel
 def compose_row(
-    tick: int, row: int, out: int, slot: int, rules: Rules, work: Work, sensed: Sensed, frames: Frames, memory: Memory
+    tick: int,
+    row: int,
+    out: int,
+    slot: int,
+    rules: Rules,
+    work: Work,
+    sensed: Sensed,
+    frames: Frames,
+    memory: Memory,
 ) -> None:
     """Write one row's broadcast into ``frames`` row ``out``."""
     me, observation, max_hops = work.me[row], work.observation, rules.max_hops

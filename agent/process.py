@@ -57,7 +57,9 @@ class Drone:
         core.work.inbox_start[1] = self._hear(tick, heard)
         ((ax, ay),) = core.step(tick, messages.MAX_HEARD).tolist()
         frame = self._speak() if core.work.sent[0] else None
-        return messages.pack(messages.REPLY, tick, ax, ay, core.parties.party[0].slot, frame, self._news(tick))
+        return messages.pack(
+            messages.REPLY, tick, ax, ay, core.parties.party[0].slot, frame, self._news(tick)
+        )
 
     def _hear(self, tick: int, heard: list[bytes]) -> int:
         """Read the frames into rows 0, 1, ...; return how many are good."""
@@ -110,7 +112,9 @@ class Drone:
 
     def farewell(self) -> bytes:
         """The last REPLY."""
-        return messages.pack(messages.REPLY, self.tick, 0.0, 0.0, self.core.parties.party[0].slot, None, self.status())
+        return messages.pack(
+            messages.REPLY, self.tick, 0.0, 0.0, self.core.parties.party[0].slot, None, self.status()
+        )
 
 
 def rehearse(mission: Mission) -> None:

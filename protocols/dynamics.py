@@ -1,8 +1,8 @@
 """How a drone moves: the double integrator with its limits (paper, eq. "Unified dynamics constraints").
 
-    a   = Pi_a_max(a_command)          Pi_rho(x) = x min(1, rho / |x|)
-    v'  = Pi_v_max(v + a dt)
-    p'  = p + dt/2 (v + v')
+a   = Pi_a_max(a_command)          Pi_rho(x) = x min(1, rho / |x|)
+v'  = Pi_v_max(v + a dt)
+p'  = p + dt/2 (v + v')
 """
 
 import math

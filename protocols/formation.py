@@ -61,7 +61,11 @@ def shape_points(shape: str, agents: int, spacing: float) -> NDArray[np.float64]
         side = math.isqrt(agents)
         if side * side != agents or side < 2:
             raise ValueError(f"a square needs 4, 9, 16, 25, 36, ... agents, not {agents}")
-        points = [(-row * spacing, (column - (side - 1) / 2) * spacing) for row in range(side) for column in range(side)]
+        points = [
+            (-row * spacing, (column - (side - 1) / 2) * spacing)
+            for row in range(side)
+            for column in range(side)
+        ]
     elif shape == "triangle":
         if agents % 3 or agents < 3:
             raise ValueError(f"a hollow triangle needs 3, 6, 9, 12, ... agents, not {agents}")

@@ -40,10 +40,17 @@ FIXED = np.dtype(
         ("tick", "<u4"),
         ("motion", "<f4", (4,)),  # p [m], v [m/s] in the common local frame
         ("observation", "<i2", (OBSERVATION_SIZE,)),  # the paper's X_i
-        ("ages", "u1", (AGE_WINDOW,)),  # x 0.1 s since anyone the sender listens to heard drone age_from, age_from+1, ...
+        (
+            "ages",
+            "u1",
+            (AGE_WINDOW,),
+        ),  # x 0.1 s since anyone the sender listens to heard drone age_from, age_from+1, ...
         ("sender", "u1"),
         ("slot", "u1"),
-        ("one_hop", "u1"),  # the first one_hop of the known drones are the sender's own neighbours, the rest two hops off
+        (
+            "one_hop",
+            "u1",
+        ),  # the first one_hop of the known drones are the sender's own neighbours, the rest two hops off
         ("known_count", "u1"),
         ("age_from", "u1"),
     ]
@@ -124,7 +131,8 @@ class FrameReader:
     def __init__(self, tag: int, agents: int, frames: Frames) -> None:
         self._tag, self._agents = tag, agents
         self._fixed, self._known, self._displacement = (
-            memoryview(array.reshape(-1).view(np.uint8)).cast("B") for array in (frames.fixed, frames.known, frames.displacement)
+            array.reshape(-1).view(np.uint8).data
+            for array in (frames.fixed, frames.known, frames.displacement)
         )
 
     def read(self, data: bytes, now: int, oldest: int, row: int) -> tuple[int, Any]:

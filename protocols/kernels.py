@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import config
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
 _KEPT_CACHES = 4
@@ -50,7 +51,7 @@ def _choose_cache() -> Path:
 
 
 CACHE_DIR = _choose_cache()
-numba.config.CACHE_DIR = str(CACHE_DIR)
+config.CACHE_DIR = str(CACHE_DIR)  # type: ignore[attr-defined]
 
 
 def kernel(function: F) -> F:

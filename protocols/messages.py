@@ -1,12 +1,12 @@
 """What the world and a drone's process say to each other over Zenoh, one msgpack array each, kind first.
 
-    drone -> world   HELLO [version, what it wants]      asks to take part, repeated until welcomed
-                     READY []                            will answer every tick from now on
-                     REPLY [tick, ax, ay, slot, frame or nil, status or nil]
-    world -> drone   WELCOME [mission, initial slots, boot]
-                     TICK [tick, sensed (3 byte strings), frames heard]
-                     WAIT []                             nothing new, but the world is alive
-                     BYE []                              the flight is over; answered by a last REPLY with a status
+drone -> world   HELLO [version, what it wants]      asks to take part, repeated until welcomed
+                 READY []                            will answer every tick from now on
+                 REPLY [tick, ax, ay, slot, frame or nil, status or nil]
+world -> drone   WELCOME [mission, initial slots, boot]
+                 TICK [tick, sensed (3 byte strings), frames heard]
+                 WAIT []                             nothing new, but the world is alive
+                 BYE []                              the flight is over; answered by a last REPLY with a status
 """
 
 from collections.abc import Sequence

@@ -109,7 +109,8 @@ class Sensing(_Section):
 
     range_m: Positive = 6.0
     neighbours: Literal["sensed", "heard"] = Field(
-        "sensed", description="neighbours' positions from own sensors, or only from their frames (dead-reckoned)"
+        "sensed",
+        description="neighbours' positions from own sensors, or only from their frames (dead-reckoned)",
     )
     obstacle_memory: bool = Field(True, description="an obstacle once seen is remembered")
 
@@ -133,9 +134,15 @@ class Fault(_Section):
     at_s: NotNegative
     kind: Literal["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover"]
     agents: tuple[Annotated[int, Field(ge=0)], ...] = ()
-    slots: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="whoever holds these slots at the start")
-    groups: tuple[tuple[Annotated[int, Field(ge=0)], ...], ...] = Field((), description="for part: who hears whom")
-    factor: Annotated[float, Field(gt=0, le=1)] = Field(0.5, description="for slow: share of the limits that is left")
+    slots: tuple[Annotated[int, Field(ge=0)], ...] = Field(
+        (), description="whoever holds these slots at the start"
+    )
+    groups: tuple[tuple[Annotated[int, Field(ge=0)], ...], ...] = Field(
+        (), description="for part: who hears whom"
+    )
+    factor: Annotated[float, Field(gt=0, le=1)] = Field(
+        0.5, description="for slow: share of the limits that is left"
+    )
 
     @property
     def at_tick(self) -> int:
@@ -159,7 +166,8 @@ class Mission(_Section):
     agents: Annotated[int, Field(ge=1, le=MAX_AGENTS)] = 25
     policy: str = "analytic"
     aim: Literal["slot", "chain"] = Field(
-        "slot", description="slot: virtual target + own offset; chain: leader's position + offset (<= hops away)"
+        "slot",
+        description="slot: virtual target + own offset; chain: leader's position + offset (<= hops away)",
     )
     safety_filter: bool = True
     formation: FormationSpec = FormationSpec()
@@ -175,7 +183,9 @@ class Mission(_Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     goal_x_m: float = Field(35.0, description="the line every drone must have passed (and every obstacle)")
     edge_tolerance: Positive = 0.1
-    hold_s: NotNegative = Field(0.0, description="fly on this long after success and report if the formation held")
+    hold_s: NotNegative = Field(
+        0.0, description="fly on this long after success and report if the formation held"
+    )
     time_limit_s: Annotated[float, Field(gt=0, le=3600)] = 21.0
 
     @property
@@ -204,9 +214,13 @@ class Mission(_Section):
     def _flyable(self) -> "Mission":
         spec = self.formation
         if (spec.shape == "custom") != (spec.slots_m is not None):
-            raise ValueError("formation.slots_m: give slot positions together with shape: custom, and only then")
+            raise ValueError(
+                "formation.slots_m: give slot positions together with shape: custom, and only then"
+            )
         if spec.slots_m is not None and len(spec.slots_m) != self.agents:
-            raise ValueError(f"agents: {self.agents}, but formation.slots_m has {len(spec.slots_m)} slots; make them equal")
+            raise ValueError(
+                f"agents: {self.agents}, but formation.slots_m has {len(spec.slots_m)} slots; make them equal"
+            )
         if spec.spacing_m < 2 * self.limits.collision_m:
             raise ValueError(
                 f"formation.spacing_m: {spec.spacing_m:g} m is too close for a collision distance of "
@@ -288,5 +302,7 @@ def read_mission_fields(path: Path) -> dict[str, Any]:
     if fields is None:
         return {}
     if not isinstance(fields, dict):
-        raise MissionError(f"{path}: must be a mapping of fields such as 'agents: 25', not a {type(fields).__name__}")
+        raise MissionError(
+            f"{path}: must be a mapping of fields such as 'agents: 25', not a {type(fields).__name__}"
+        )
     return fields

@@ -58,7 +58,8 @@ class SensedReader:
     def __init__(self, sensed: Sensed) -> None:
         self._sensed = sensed
         self._motion, self._near, self._obstacles = (
-            memoryview(array[0].reshape(-1).view(np.uint8)) for array in (sensed.motion, sensed.near, sensed.obstacles)
+            array[0].reshape(-1).view(np.uint8).data
+            for array in (sensed.motion, sensed.near, sensed.obstacles)
         )
 
     def read(self, packed: Packed) -> None:

@@ -1,10 +1,21 @@
-"""What a drone reports about itself to whoever runs the flight: for the live view, the report and the watch, never for control."""
+"""What a drone reports about itself to whoever runs the flight: for the view, the report and the watch."""
 
 from typing import Any, NamedTuple
 
 from protocols.frames import REASONS
 
-SWAP_COUNTS = ("proposed", "committed", "accepted", "refused", "withdrawn", "timed_out", "vacated", "undone", "forced", "adopted")
+SWAP_COUNTS = (
+    "proposed",
+    "committed",
+    "accepted",
+    "refused",
+    "withdrawn",
+    "timed_out",
+    "vacated",
+    "undone",
+    "forced",
+    "adopted",
+)
 
 
 class AgentStatus(NamedTuple):
@@ -30,7 +41,8 @@ def parse_status(fields: Any, agents: int) -> AgentStatus:
     """
     if not isinstance(fields, list) or len(fields) != 6:
         raise ValueError("a status has six fields")
-    status = AgentStatus(*fields[:2], tuple(fields[2]), tuple(fields[3]), *fields[4:])
+    slot, heard, rejected, swaps, digest, view = fields
+    status = AgentStatus(slot, heard, tuple(rejected), tuple(swaps), digest, view)
     numbers = (status.slot, status.heard, *status.rejected, *status.swaps, status.digest)
     if not all(type(number) is int and number >= 0 for number in numbers):
         raise ValueError("a status counts in whole numbers")

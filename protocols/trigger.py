@@ -120,11 +120,17 @@ def swap_partner(
         theirs = slot_of[other]
         dx, dy = offsets[theirs, 0] - offsets[mine, 0], offsets[theirs, 1] - offsets[mine, 1]
         if rule == TREE:
-            gain = tree_gain(error_x, error_y, rel[other, 0], rel[other, 1], dx, dy, margin) if parent[theirs] == mine else 0.0
+            gain = (
+                tree_gain(error_x, error_y, rel[other, 0], rel[other, 1], dx, dy, margin)
+                if parent[theirs] == mine
+                else 0.0
+            )
         else:
             i_ask = depth[mine] < depth[theirs] or (depth[mine] == depth[theirs] and mine < theirs)
             gain = contact_gain(rel[other, 0], rel[other, 1], dx, dy, margin) if i_ask else 0.0
-        if gain > best_gain and (not connected or affected_connected(mine, theirs, parent, occupant, hops, rel, range_m)):
+        if gain > best_gain and (
+            not connected or affected_connected(mine, theirs, parent, occupant, hops, rel, range_m)
+        ):
             best, best_gain = other, gain
     return best
 
@@ -149,7 +155,7 @@ def vacancy_to_fill(
     above = parent[mine]
     if above == NO_PARENT:
         return NOBODY
-    leader = occupant[above]
+    leader: int = occupant[above]
     if tick - last_seen[leader] <= silent:
         return NOBODY
     # The vacant slot, relative to me.
@@ -158,7 +164,12 @@ def vacancy_to_fill(
     my_distance = tx * tx + ty * ty
     for slot in range(parent.shape[0]):
         sibling = occupant[slot]
-        if parent[slot] != above or sibling == me or tick - last_seen[sibling] > silent or hops[sibling] == UNKNOWN:
+        if (
+            parent[slot] != above
+            or sibling == me
+            or tick - last_seen[sibling] > silent
+            or hops[sibling] == UNKNOWN
+        ):
             continue
         distance = (tx - rel[sibling, 0]) ** 2 + (ty - rel[sibling, 1]) ** 2
         if distance < my_distance or (distance == my_distance and sibling < me):

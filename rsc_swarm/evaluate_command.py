@@ -178,7 +178,8 @@ def _print_notes(out: Console, result: Evaluation, options: MissionOptions, seco
     first, last = result.maps
     out.print(
         f"\nMaps {first} to {last}, {result.starts} start{'s' if result.starts > 1 else ''} each, "
-        f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; formed: when the formation first stood; "
+        f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; "
+        "formed: when the formation first stood; "
         "slot: largest slot error at success; nearest: smallest distance ever; swaps: made per flight.",
         soft_wrap=False,
     )

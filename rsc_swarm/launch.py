@@ -4,6 +4,7 @@ The launcher loads and compiles everything once, forks the world and the drones,
 the world shows, does to processes what the mission says goes wrong with them, and names the drone whose process ends.
 """
 
+import gc
 import os
 import signal
 import time
@@ -69,7 +70,12 @@ class _Pipe:
 
 
 def _world(
-    mission: Mission, clock: Clock, credentials: Credentials, endpoint: str, pipe: Connection, trajectory: Path | None
+    mission: Mission,
+    clock: Clock,
+    credentials: Credentials,
+    endpoint: str,
+    pipe: Connection,
+    trajectory: Path | None,
 ) -> None:
     """The world's process: flies the mission and sends what came of it down the pipe."""
     control = _Pipe(pipe, leave_on_sigterm())
@@ -88,6 +94,7 @@ def _world(
 def _agent(agent: int, endpoint: str, login: Login) -> None:
     """A drone's process. It works in bursts, and waking up must not push the world off its core: that is batch scheduling."""
     os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    gc.set_threshold(100_000)  # a tick leaves no cycles behind
     leave = leave_on_sigterm()
     with AgentLink(endpoint, login) as link:
         print(f"agent {agent}: {fly(link, agent, lambda: leave.asked)}", flush=True)
@@ -101,7 +108,13 @@ class _Launch:
     """One launch under way."""
 
     def __init__(
-        self, mission: Mission, clock: Clock, logs: Path | None, trajectory: Path | None, supervisor: Supervisor, folder: RunFolder
+        self,
+        mission: Mission,
+        clock: Clock,
+        logs: Path | None,
+        trajectory: Path | None,
+        supervisor: Supervisor,
+        folder: RunFolder,
     ) -> None:
         self._mission, self._logs, self._supervisor, self._folder = mission, logs, supervisor, folder
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
@@ -115,8 +128,9 @@ class _Launch:
     def _start(self, name: str, target: Callable[..., object], *args: object) -> None:
         log = self._logs / f"{name}.log" if self._logs else self._folder.path / f"{name}.log"
         if name == _WORLD:  # it may finish its record, and then removes the run's folder
-            leaving = {"at_launcher_death": signal.SIGTERM, "run_folder": self._folder.path}
-            self._supervisor.start(name, target, *args, log=log, **leaving)
+            self._supervisor.start(
+                name, target, *args, log=log, at_launcher_death=signal.SIGTERM, run_folder=self._folder.path
+            )
         else:
             self._supervisor.start(name, target, *args, log=log)
 
@@ -227,7 +241,9 @@ def launch(
     if logs:
         logs.mkdir(exist_ok=True)
     with RunFolder() as folder, Supervisor() as supervisor:
-        run = _Launch(mission, clock, logs, run_dir / "trajectory.npz" if run_dir else None, supervisor, folder)
+        run = _Launch(
+            mission, clock, logs, run_dir / "trajectory.npz" if run_dir else None, supervisor, folder
+        )
         flown, pss = run.watch(on_snapshot, weigh)
         supervisor.stop(_GRACE_S)
     born = psutil.Process(os.getpid()).create_time()
@@ -255,12 +271,16 @@ def serve_world(
         credentials.save_login(agent, login_folder / f"{_name(agent)}.json")
     try:
         with WorldLink(credentials, listen) as link:
-            return WorldServer(mission, link, clock, NoControl(lambda: leave.asked, on_snapshot), record).run()
+            return WorldServer(
+                mission, link, clock, NoControl(lambda: leave.asked, on_snapshot), record
+            ).run()
     except (ServerError, LinkError) as error:
         raise RunBroken(str(error)) from None
 
 
-def fly_agent(agent: int, endpoint: str, login_file: Path, on_ready: Callable[[float], None] = lambda seconds: None) -> str:
+def fly_agent(
+    agent: int, endpoint: str, login_file: Path, on_ready: Callable[[float], None] = lambda seconds: None
+) -> str:
     """Be one drone alone, as on its companion computer; return why the flight ended.
 
     Raises:

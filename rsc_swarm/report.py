@@ -67,8 +67,9 @@ class WatchCounts(_Part):
     breach: str | None = Field(description="the first broken invariant; null if all held")
     views_differ_s: float = Field(description="time during which not all living drones had the same view")
     agreed_after_s: float | None = Field(
-        description="from the last fault (or start) until all had one view to the end; null if they had not"
+        description="from the last fault (or start) until all had one view; null if they never had"
     )
+    agreed: bool = Field(description="whether all living drones had one view at the end")
     most_swaps_in_a_second: int = Field(description="swaps of the whole swarm in its busiest second")
     undone: int = Field(description="swaps that a merge turned off again")
 
@@ -82,7 +83,9 @@ class FlightReport(_Part):
     failure: Failure | None = Field(description="null after a success; else what ended the flight")
     detail: str = Field(description="the outcome as a sentence: who, where, when")
     tau_s: float | None = Field(description="time of success; null if there was none")
-    formed_s: float | None = Field(description="when the formation first stood, wherever that was; null if never")
+    formed_s: float | None = Field(
+        description="when the formation first stood, wherever that was; null if never"
+    )
     max_edge_error: float = Field(
         description="worst relative length error of a tree edge, at tau or at the end"
     )

@@ -35,10 +35,14 @@ class Simulation:
         self._frames = empty_frames(self.world.ring * self._rows)
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
-        self.agents = AgentCore(self.mission, me, initial, self.world.sensed, self._frames, self.world.inbox_size)
+        self.agents = AgentCore(
+            self.mission, me, initial, self.world.sensed, self._frames, self.world.inbox_size
+        )
         self.watches = [Watch(agents, self.mission.swap.cooldown_s) for _ in missions]
         self._tag = swarm_tag(self.mission.swarm)
-        self._quiet_bytes = len(encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0))))
+        self._quiet_bytes = len(
+            encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0)))
+        )
         self._boots = np.zeros(self._rows, np.int64)
         self.clock = 0
 
@@ -73,7 +77,13 @@ class Simulation:
         for index in np.flatnonzero(active):
             awake = np.flatnonzero(world.flying[index] & world.responsive[index])
             self.watches[index].tick(self.clock, awake.tolist())
-            failure = "broken-invariant" if self.watches[index].breach else None if world.flying[index].any() else "all-lost"
+            failure = (
+                "broken-invariant"
+                if self.watches[index].breach
+                else None
+                if world.flying[index].any()
+                else "all-lost"
+            )
             if failure:
                 world.end(int(index), failure)
                 ended.append(int(index))

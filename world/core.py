@@ -88,7 +88,9 @@ class WorldCore:
             discs = field.draw_obstacles(mission)
             self.obstacle_count[world] = len(discs)
             self.obstacles[world, : len(discs)] = discs
-            self.goal_x[world] = max(mission.goal_x_m, *(discs[:, 0] + discs[:, 2])) if len(discs) else mission.goal_x_m
+            self.goal_x[world] = (
+                max(mission.goal_x_m, *(discs[:, 0] + discs[:, 2])) if len(discs) else mission.goal_x_m
+            )
             self.position[world] = field.draw_start(mission, discs)
             self.claim[world] = field.draw_slots(mission)
         self.initial_slots = self.claim.copy()
@@ -135,10 +137,12 @@ class WorldCore:
     def begin_tick(self) -> list[Event]:
         """Apply the faults due now and say which they were."""
         events = []
-        for world in np.flatnonzero(self.active):
+        for world in np.flatnonzero(self.active).tolist():
             for fault in self.missions[world].faults:
                 if fault.at_tick == self.tick[world]:
-                    by_slot = (int(np.flatnonzero(self.initial_slots[world] == slot)[0]) for slot in fault.slots)
+                    by_slot = (
+                        int(np.flatnonzero(self.initial_slots[world] == slot)[0]) for slot in fault.slots
+                    )
                     event = Event(int(world), fault, (*fault.agents, *by_slot))
                     self._apply(event)
                     events.append(event)
@@ -188,11 +192,23 @@ class WorldCore:
         """Frames that arrive now: row r hears ``arrived[start[r]:start[r + 1]]`` = (source row, tick of sending)."""
         hears = self.responsive & self.flying
         total = medium.deliver(
-            self.tick, self.active, hears, self._sizes, self._queue, self.tally, self._inbox_start, self._inbox
+            self.tick,
+            self.active,
+            hears,
+            self._sizes,
+            self._queue,
+            self.tally,
+            self._inbox_start,
+            self._inbox,
         )
         return self._inbox_start, self._inbox[:total]
 
-    def advance(self, command: NDArray[np.float64], sent_bytes: NDArray[np.int64], claim: NDArray[np.int16]) -> list[int]:
+    def advance(
+        self,
+        command: NDArray[np.float64],
+        sent_bytes: NDArray[np.int64],
+        claim: NDArray[np.int16] | NDArray[np.int64],
+    ) -> list[int]:
         """Move all worlds by one tick; return those whose flight has just ended.
 
         Args:
@@ -225,7 +241,9 @@ class WorldCore:
     def _settle(self) -> list[int]:
         mission = self.missions[0]
         ended = []
-        closest = np.minimum(self.verdict[:, referee.CLOSEST_AGENTS], self.verdict[:, referee.CLOSEST_OBSTACLE])
+        closest = np.minimum(
+            self.verdict[:, referee.CLOSEST_AGENTS], self.verdict[:, referee.CLOSEST_OBSTACLE]
+        )
         standing = (
             (self.verdict[:, referee.COMPLETE] > 0)
             & (self.verdict[:, referee.EDGE_ERROR] < mission.edge_tolerance)
@@ -234,7 +252,7 @@ class WorldCore:
         self._formed_tick = np.where(standing & (self._formed_tick < 0), self.tick, self._formed_tick)
         formed = standing & (self.verdict[:, referee.PASSED] > 0)
         hold_ticks = round(mission.hold_s / TICK_S)
-        for world in np.flatnonzero(self.active):
+        for world in np.flatnonzero(self.active).tolist():
             verdict = self.verdict[world]
             self._hash(world)
             self._overlap_ticks[world] += verdict[referee.SHARED_SLOTS]

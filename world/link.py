@@ -3,8 +3,8 @@
 - The router knows one login per agent, made fresh for each launch, and denies by default. Agent ``i`` may put
   on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
 - Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent.
-- ``send`` never waits for a drone: what does not fit into the pipe of an agent that has stopped reading is
-  dropped after a millisecond. In lockstep nothing is dropped: an agent has at most one unread message.
+- ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It would wait for an agent
+  that has stopped reading once its pipe is full, so whoever sends must stop long before that.
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
 """
 

@@ -26,7 +26,19 @@ from protocols.mission import TICK_S, Mission
 from world import chance
 
 # Columns of the tally a medium keeps per world.
-SENT, SENT_BYTES, DELIVERED, DELIVERED_BYTES, OUT_OF_RANGE, PARTITION, BURST, LOSS, TO_NOBODY, HELD_BACK, DOUBLED = range(11)
+(
+    SENT,
+    SENT_BYTES,
+    DELIVERED,
+    DELIVERED_BYTES,
+    OUT_OF_RANGE,
+    PARTITION,
+    BURST,
+    LOSS,
+    TO_NOBODY,
+    HELD_BACK,
+    DOUBLED,
+) = range(11)
 TALLY = ("sent", "sent_bytes", "delivered", "delivered_bytes", "out_of_range", "partition", "burst", "loss", "to_nobody",
          "held_back", "doubled")  # fmt: skip
 
@@ -65,12 +77,21 @@ def link_of(mission: Mission) -> Link:
         enter, leave = 1.0, (1 - mean) / mean
     per_tick = 0.001 / TICK_S
     return Link(
-        radio.range_m, radio.loss, enter, leave, radio.delay_ms * per_tick, radio.jitter_ms * per_tick, radio.reorder, radio.duplicate
+        radio.range_m,
+        radio.loss,
+        enter,
+        leave,
+        radio.delay_ms * per_tick,
+        radio.jitter_ms * per_tick,
+        radio.reorder,
+        radio.duplicate,
     )
 
 
 @kernel
-def dropped_by(link: Link, seed: int, source: int, destination: int, tick: int, same_group: bool, bad: bool) -> int:
+def dropped_by(
+    link: Link, seed: int, source: int, destination: int, tick: int, same_group: bool, bad: bool
+) -> int:
     """The tally column of the rule that loses this frame, or 0 if none does."""
     if not same_group:
         return PARTITION
@@ -123,10 +144,10 @@ def age_channels(link: Link, seed: int, tick: int, bad: NDArray[np.bool_]) -> No
 class Queue(NamedTuple):
     """Frames under way, per world, in a ring of arrival ticks.
 
-    count: (E, D); entry: (E, D, capacity, 3) destination, source, tick of sending.
+    waiting: (E, D); entry: (E, D, capacity, 3) destination, source, tick of sending.
     """
 
-    count: NDArray[np.int64]
+    waiting: NDArray[np.int64]
     entry: NDArray[np.int32]
 
 
@@ -142,13 +163,13 @@ def empty_queue(worlds: int, agents: int, longest: int) -> Queue:
 
 @kernel
 def _enqueue(queue: Queue, world: int, arrival: int, destination: int, source: int, tick: int) -> None:
-    bucket = arrival % queue.count.shape[1]
-    index = queue.count[world, bucket]
+    bucket = arrival % queue.waiting.shape[1]
+    index = queue.waiting[world, bucket]
     if index < queue.entry.shape[2]:
         queue.entry[world, bucket, index, 0] = destination
         queue.entry[world, bucket, index, 1] = source
         queue.entry[world, bucket, index, 2] = tick
-        queue.count[world, bucket] = index + 1
+        queue.waiting[world, bucket] = index + 1
 
 
 @kernel
@@ -194,7 +215,9 @@ def relay(
                     tally[world, OUT_OF_RANGE] += 1
                     continue
                 same_group = group[world, source] == group[world, destination]
-                rule = dropped_by(link, seed, source, destination, tick, same_group, bad[world, source, destination])
+                rule = dropped_by(
+                    link, seed, source, destination, tick, same_group, bad[world, source, destination]
+                )
                 if rule > 0:
                     tally[world, rule] += 1
                     continue
@@ -233,9 +256,9 @@ def deliver(
     total = 0
     for world in range(worlds):
         base = world * agents
-        bucket = ticks[world] % queue.count.shape[1]
-        waiting = queue.count[world, bucket] if active[world] else 0
-        queue.count[world, bucket] = 0
+        bucket = ticks[world] % queue.waiting.shape[1]
+        waiting = queue.waiting[world, bucket] if active[world] else 0
+        queue.waiting[world, bucket] = 0
         cursor[:] = 0
         for index in range(waiting):
             destination = queue.entry[world, bucket, index, 0]

@@ -35,8 +35,15 @@ def move(
         for agent in range(agents):
             if not flying[world, agent]:
                 continue
-            p, v, a, share = position[world, agent], velocity[world, agent], command[world, agent], ability[world, agent]
-            p[0], p[1], v[0], v[1] = integrate(p[0], p[1], v[0], v[1], a[0], a[1], a_max * share, v_max * share, dt)
+            p, v, a, share = (
+                position[world, agent],
+                velocity[world, agent],
+                command[world, agent],
+                ability[world, agent],
+            )
+            p[0], p[1], v[0], v[1] = integrate(
+                p[0], p[1], v[0], v[1], a[0], a[1], a_max * share, v_max * share, dt
+            )
 
 
 @kernel

@@ -66,7 +66,9 @@ def judge(
             px, py = position[world, agent, 0], position[world, agent, 1]
             for other in range(agent + 1, agents):
                 if flying[world, other]:
-                    gap = math.sqrt((position[world, other, 0] - px) ** 2 + (position[world, other, 1] - py) ** 2)
+                    gap = math.sqrt(
+                        (position[world, other, 0] - px) ** 2 + (position[world, other, 1] - py) ** 2
+                    )
                     nearest[world, agent] = min(nearest[world, agent], gap)
                     nearest[world, other] = min(nearest[world, other], gap)
                     if gap < result[CLOSEST_AGENTS]:

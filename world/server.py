@@ -28,7 +28,8 @@ from world.watch import Watch, Watched
 Clock = Literal["lockstep", "realtime"]
 _JOIN_S = 30.0  # patience for all drones to arrive
 _ANSWER_S = 5.0  # lockstep's patience for one answer; after that the drone counts as lost
-_BACKLOG = 20  # unanswered ticks after which a drone is sent no more until it answers: its pipe must never fill, a full one blocks
+# Unanswered ticks after which a drone is sent no more until it answers: a full pipe would block the world.
+_BACKLOG = 20
 _SNAPSHOT_S = 0.125
 _SIZE_SAMPLE = 20_000
 
@@ -96,7 +97,12 @@ class WorldServer:
     """Runs one flight over a link."""
 
     def __init__(
-        self, mission: Mission, link: Link, clock: Clock, control: Control, record: Callable[[WorldCore], None] | None = None
+        self,
+        mission: Mission,
+        link: Link,
+        clock: Clock,
+        control: Control,
+        record: Callable[[WorldCore], None] | None = None,
     ) -> None:
         """``record`` is called before the first tick and after every tick, for example by a recorder.
 
@@ -120,8 +126,8 @@ class WorldServer:
         self._misses = 0
         self._told = self._told_bytes = self._heard_bytes = 0
         self._pulsed = 0.0
-        self._answered = np.full(agents, -1, np.int64)  # the last tick each drone answered
-        self._asked = np.full(agents, -1, np.int64)  # and the last it was sent
+        self._answered = [-1] * agents  # the last tick each drone answered
+        self._asked = [-1] * agents  # and the last it was sent
 
     def run(self) -> Flown:
         """Gather the drones, fly to the end, say goodbye.
@@ -176,12 +182,16 @@ class WorldServer:
 
     def _dismiss(self) -> None:
         """Say goodbye and take the last accounts."""
-        waiting = {agent for agent in range(self._mission.agents) if self.core.flying[0, agent] and self._ready[agent]}
+        waiting = {
+            agent
+            for agent in range(self._mission.agents)
+            if self.core.flying[0, agent] and self._ready[agent]
+        }
         waiting &= {agent for agent in waiting if self.core.responsive[0, agent]}
         for agent in range(self._mission.agents):
             self._link.send(agent, messages.pack(messages.BYE))
         deadline = time.monotonic() + 0.5
-        self._answered[:] = -1
+        self._answered = [-1] * self._mission.agents
         while waiting and time.monotonic() < deadline:
             heard = self._receive(0.1)
             if heard is not None and self._answered[heard] >= 0:
@@ -204,7 +214,7 @@ class WorldServer:
         self._sent_bytes[:] = 0
         self._say_tick(tick, awake)
         if self._clock == "lockstep":
-            self._await(lambda agent: bool(self._answered[agent] >= tick))
+            self._await(lambda agent: self._answered[agent] >= tick)
         else:
             self._keep_time(tick, awake, started + (tick + 1) * TICK_S)
         self._watch.tick(tick, self._awake())
@@ -299,9 +309,13 @@ class WorldServer:
                 raise ServerError(wrong)
             raise ValueError(wrong)  # no single drone ends a flight that has begun
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
-        self._link.send(agent, messages.pack(messages.WELCOME, self._welcome_fields, slots, self._boots[agent]))
+        self._link.send(
+            agent, messages.pack(messages.WELCOME, self._welcome_fields, slots, self._boots[agent])
+        )
 
-    def _take_reply(self, agent: int, tick: Any, ax: Any, ay: Any, slot: Any, frame: Any, status: Any) -> None:
+    def _take_reply(
+        self, agent: int, tick: Any, ax: Any, ay: Any, slot: Any, frame: Any, status: Any
+    ) -> None:
         """A drone's command, frame and account.
 
         Raises:

@@ -41,7 +41,11 @@ class Snapshot:
 
 
 def snapshot(
-    core: WorldCore, statuses: Mapping[int, AgentStatus], real_time_factor: float, deadline_misses: int = 0, world: int = 0
+    core: WorldCore,
+    statuses: Mapping[int, AgentStatus],
+    real_time_factor: float,
+    deadline_misses: int = 0,
+    world: int = 0,
 ) -> Snapshot:
     """The state of one world and the drones' own accounts (by agent number) as a picture."""
     speeds = np.linalg.norm(core.velocity[world], axis=1)
@@ -74,5 +78,8 @@ def snapshot(
         obstacles_passed=int(np.sum(discs[:, 0] + discs[:, 2] < rearmost)),
         obstacles=count,
         frames=dict(zip(TALLY, (int(number) for number in core.tally[world]), strict=True)),
-        swaps={name: sum(status.swaps[index] for status in statuses.values()) for index, name in enumerate(SWAP_COUNTS)},
+        swaps={
+            name: sum(status.swaps[index] for status in statuses.values())
+            for index, name in enumerate(SWAP_COUNTS)
+        },
     )

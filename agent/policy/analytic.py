@@ -10,7 +10,6 @@ from agent.policy.base import Seen
 from protocols.kernels import kernel
 from protocols.mission import Mission
 
-
 _GAINS = Gains()  # a constant of the kernel
 
 

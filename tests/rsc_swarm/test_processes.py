@@ -393,9 +393,9 @@ def test_a_frozen_drone_does_not_hold_up_the_world_and_hears_again_when_thawed(
                 assert link.receive(5.0) == (0, b"here")
                 os.kill(int(drone_pid.read_text()), signal.SIGSTOP)
                 started = time.monotonic()
-                for _ in range(1000):
+                for _ in range(20):  # as many as the world sends unanswered
                     link.send(0, bytes(1200))
-                print("1000 sends to a frozen drone took less than 3 s:", time.monotonic() - started < 3.0)
+                print("20 sends to a frozen drone took less than 1 s:", time.monotonic() - started < 1.0)
                 os.kill(int(drone_pid.read_text()), signal.SIGCONT)
                 while link.receive(0.3):
                     pass
@@ -414,4 +414,4 @@ def test_a_frozen_drone_does_not_hold_up_the_world_and_hears_again_when_thawed(
                     assert end.clean, end
         """
     )
-    assert lines == ["1000 sends to a frozen drone took less than 3 s: True", "(0, b'again')"]
+    assert lines == ["20 sends to a frozen drone took less than 1 s: True", "(0, b'again')"]

@@ -27,6 +27,7 @@ def ended(failure: str | None = None, **changes: object) -> Outcome:
         failure=failure,
         ticks=731,
         tau_s=7.31 if failure is None else None,
+        formed_s=7.31 if failure is None else None,
         max_edge_error=0.05,
         max_slot_error_m=1.25,
         min_distance_m=0.42,

@@ -120,7 +120,7 @@ def test_independent_loss_takes_its_share_of_every_link() -> None:
     for source, destination in ((0, 1), (1, 0), (2, 0)):
         heard = sum(1 for _, a, b, _ in air.heard if (a, b) == (source, destination))
         assert within(2000 - heard, 2000, 0.3)
-    under_way = int(air.queue.count.sum())
+    under_way = int(air.queue.waiting.sum())
     assert air.count("loss") == 2001 * 6 - len(air.heard) - under_way
 
 
@@ -141,7 +141,7 @@ def test_bursts_have_the_mean_share_and_the_mean_length_asked_for(mean: float) -
     assert 25 < length < 35
     offered = 6000 * 12
     assert air.count("burst") == bad.sum()
-    assert air.count("burst") + air.count("delivered") + int(air.queue.count.sum()) == offered
+    assert air.count("burst") + air.count("delivered") + int(air.queue.waiting.sum()) == offered
 
 
 def test_a_burst_is_a_state_from_the_first_tick_on() -> None:
@@ -251,7 +251,7 @@ def test_every_frame_gets_exactly_one_verdict_and_none_comes_too_late(
 ) -> None:
     ways = {"loss": loss, "delay_ms": delay, "jitter_ms": jitter, "duplicate": duplicate, "reorder": reorder}
     air = Air(mission(agents, burst={"loss": burst}, **ways).model_copy(update={"seed": seed})).fly(60)
-    under_way = int(air.queue.count.sum())
+    under_way = int(air.queue.waiting.sum())
     offered = 60 * agents * (agents - 1)
     lost = air.count("burst") + air.count("loss")
     assert air.count("delivered") + under_way == offered - lost + air.count("doubled")
