@@ -20,7 +20,7 @@ from protocols.mission import TICK_S
 from protocols.relative import chain_displacements
 from protocols.sensed import Sensed
 
-_SAME_DISC_M = 0.25  # two sightings closer than this are one obstacle
+_SAME_DISC_M = 0.05  # sightings this alike in centre and radius are of one obstacle; discs may overlap
 
 
 @inlined_kernel
@@ -101,6 +101,7 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
             if (
                 abs(memory.disc[row, disc, 0] - x) < _SAME_DISC_M
                 and abs(memory.disc[row, disc, 1] - y) < _SAME_DISC_M
+                and abs(memory.disc[row, disc, 2] - sensed.obstacles[row, index, 2]) < _SAME_DISC_M
             ):
                 match = disc
         if match < 0 and known < memory.disc.shape[1]:

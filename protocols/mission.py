@@ -123,7 +123,7 @@ class SwapSpec(_Section):
     protocol: Literal["agreed", "highest-version"] = "agreed"
     margin_m: NotNegative = 0.5
     connected: bool = Field(False, description="demand that all affected drones are linked by radio")
-    cooldown_s: Positive = 1.0
+    cooldown_s: Positive = Field(0.2, description="pause of both parties after a swap (the paper: 1 s)")
     answer_s: Positive = 0.5
     silent_s: Positive = Field(4.0, description="a drone unheard by everyone for this long has left its slot")
 

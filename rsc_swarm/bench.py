@@ -23,7 +23,7 @@ from protocols.mission import TICK_S, Mission
 from protocols.swap import encode
 from rsc_swarm.bench_echo import bare_echo
 from rsc_swarm.launch import Launched, launch
-from rsc_swarm.simulate import Simulation
+from rsc_swarm.simulate import Simulation, simulate
 
 _ECHO_TICKS = 600
 _LONE_WORLD = """
@@ -64,6 +64,19 @@ def bench(
     large = Mission(agents=_LARGE, time_limit_s=5.0) if quick else Mission(agents=_LARGE)
     figures["large"] = {"agents": _LARGE, **_flights(large, 1)}
     return figures
+
+
+def twins(agents: int, count: int, say: Callable[[str], None] = lambda line: None) -> dict[str, int]:
+    """Fly maps 0 to ``count - 1`` in real processes and in one process; how many flights succeeded and how many were twins."""
+    equal = succeeded = 0
+    for seed in range(count):
+        mission = Mission(agents=agents, map_seed=seed, seed=1000 * seed)
+        flown = launch(mission).flown.outcome
+        twin = simulate([mission])[0]
+        equal += flown.digest == twin.digest
+        succeeded += flown.success
+        say(f"map {seed}: {flown.digest} {'is' if flown.digest == twin.digest else 'IS NOT'} {twin.digest}")
+    return {"flights": count, "succeeded": succeeded, "equal_digests": equal}
 
 
 def render(figures: dict[str, Any]) -> str:

@@ -226,6 +226,9 @@ def agent(
 def bench(
     agents: Annotated[int, typer.Option("--agents", "-n", help="Number of drones.")] = 25,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter runs, rougher figures.")] = False,
+    twins: Annotated[
+        int, typer.Option(help="Instead: fly so many maps in real processes and in one, and compare digests.")
+    ] = 0,
     json: JsonFile = None,
 ) -> None:
     """Measure this machine: ticks per second, start-up, memory."""
@@ -234,6 +237,10 @@ def bench(
 
     from rsc_swarm import bench as benches
 
+    if twins:
+        flown = benches.twins(agents, twins, lambda line: typer.echo(line, err=True))
+        typer.echo(", ".join(f"{number} {name.replace('_', ' ')}" for name, number in flown.items()))
+        raise typer.Exit(SUCCEEDED if flown["equal_digests"] == twins else FAILED)
     figures = benches.bench(agents, quick, lambda line: typer.echo(f"measuring {line}...", err=True))
     if json == "-":
         typer.echo(dumps(figures, indent=2))

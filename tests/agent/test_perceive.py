@@ -134,6 +134,13 @@ def test_the_same_obstacle_seen_again_is_one_obstacle() -> None:
     assert memory.disc_count[0] == 2
 
 
+def test_two_obstacles_that_nearly_coincide_are_two() -> None:
+    memory = empty_memory(1, 4)
+    see_discs(memory, 5.0, (8.0, 0.0, 1.75), (8.02, 0.03, 1.0))
+    see_discs(memory, 5.5, (8.0, 0.0, 1.75), (8.02, 0.03, 1.0))
+    assert memory.obstacle_radius[0, : memory.disc_count[0]].tolist() == [1.75, 1.0]
+
+
 def test_more_obstacles_than_can_be_remembered_are_no_crash() -> None:
     memory = empty_memory(1, N)
     for batch in range(3):
