@@ -47,27 +47,30 @@ class Drone:
         self._reader = FrameReader(self._tag, mission.agents, self._frames)
         self.tick = -1
 
-    def answer(self, tick: int, packed: Any, heard: list[bytes]) -> bytes:
-        """One tick: what is sensed and heard in, the REPLY out. Bad frames are counted and dropped."""
+    def answer(self, tick: int, packed: Any, sources: bytes, heard: list[bytes]) -> bytes:
+        """One tick: what is sensed and heard (``sources[i]`` sent ``heard[i]``) in, the REPLY out.
+
+        Bad frames, and those in which a drone speaks in another's name, are counted and dropped.
+        """
         if self.tick < 0:
             forget(self.core.memory, 0, tick)
         self.tick = tick
         self._sensors.read(packed)
         core = self.core
-        core.work.inbox_start[1] = self._hear(tick, heard)
+        core.work.inbox_start[1] = self._hear(tick, sources, heard)
         ((ax, ay),) = core.step(tick, messages.MAX_HEARD).tolist()
         frame = self._speak() if core.work.sent[0] else None
         return messages.pack(
             messages.REPLY, tick, ax, ay, core.parties.party[0].slot, frame, self._news(tick)
         )
 
-    def _hear(self, tick: int, heard: list[bytes]) -> int:
+    def _hear(self, tick: int, sources: bytes, heard: list[bytes]) -> int:
         """Read the frames into rows 0, 1, ...; return how many are good."""
         row = 0
-        for data in heard[: messages.MAX_HEARD]:
+        for source, data in zip(sources[: messages.MAX_HEARD], heard, strict=False):
             try:
                 sender, note = self._reader.read(data, tick, _OLDEST_FRAME, row)
-                if sender == self._agent:
+                if sender != source or sender == self._agent:
                     raise FrameError("sender")
                 self._keep_note(row, note)
             except FrameError as error:
@@ -121,7 +124,7 @@ def rehearse(mission: Mission) -> None:
     """Load (or on the very first run compile) every kernel a drone needs, so that its first tick is not late."""
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0)
     for tick in range(2):
-        drone.answer(tick, pack_sensed(empty_sensed(1), 0), [])
+        drone.answer(tick, pack_sensed(empty_sensed(1), 0), b"", [])
 
 
 def fly(link: Link, agent: int, leaving: Callable[[], bool], wants: str = "") -> str:
@@ -145,8 +148,7 @@ def fly(link: Link, agent: int, leaving: Callable[[], bool], wants: str = "") ->
         silent_s = 0.0
         kind, fields = messages.unpack(data)
         if kind == messages.TICK and drone is not None:
-            tick, packed, heard = fields
-            link.send(drone.answer(tick, packed, heard))
+            link.send(drone.answer(*fields))
         elif kind == messages.WELCOME and drone is None:
             mission, initial_slots, boot = fields
             drone = Drone(parse_mission(mission, "the world's mission"), agent, initial_slots, boot)

@@ -4,7 +4,7 @@ drone -> world   HELLO [version, what it wants]      asks to take part, repeated
                  READY []                            will answer every tick from now on
                  REPLY [tick, ax, ay, slot, frame or nil, status or nil]
 world -> drone   WELCOME [mission, initial slots, boot]
-                 TICK [tick, sensed (3 byte strings), frames heard]
+                 TICK [tick, sensed (3 byte strings), who sent each frame (1 byte each), frames heard]
                  WAIT []                             nothing new, but the world is alive
                  BYE []                              the flight is over; answered by a last REPLY with a status
 """

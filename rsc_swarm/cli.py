@@ -191,12 +191,13 @@ def world(
     clock: ClockOption = Clock.lockstep,
     json: JsonFile = None,
     run_dir: RunFolder = None,
+    join_s: Annotated[float, typer.Option(min=1, help="How long to wait for all drones to arrive.")] = 120.0,
 ) -> None:
     """Run the world alone, for drones on other machines."""
     _announce_compiling()
     from rsc_swarm import fly_command
 
-    raise typer.Exit(fly_command.world(options, listen, credentials_dir, clock, json, run_dir))
+    raise typer.Exit(fly_command.world(options, listen, credentials_dir, clock, json, run_dir, join_s))
 
 
 @app.command(epilog=_examples("agent --agent 0 --connect tcp/192.168.1.10:7447 --credentials agent-0.json"))

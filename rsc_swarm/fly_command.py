@@ -69,6 +69,7 @@ def world(
     clock: Clock,
     json: str | None,
     run_dir: Path | None,
+    join_s: float,
 ) -> int:
     """Be the world for drones that are started elsewhere; the exit code.
 
@@ -85,7 +86,9 @@ def world(
         view.say(
             f"waiting for {mission.agents} agents at {', '.join(listen)}; credentials are in {credentials}"
         )
-        flown = launcher.serve_world(mission, clock.value, listen, credentials, view.update, recorder.record)
+        flown = launcher.serve_world(
+            mission, clock.value, listen, credentials, view.update, recorder.record, join_s
+        )
         if folder:
             recorder.save(folder.trajectory)
         return _Told(flown)

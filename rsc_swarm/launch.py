@@ -257,6 +257,7 @@ def serve_world(
     login_folder: Path,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     record: Callable[[WorldCore], None] | None = None,
+    join_s: float = 120.0,
 ) -> Flown:
     """Be the world alone: write one login file per drone into ``login_folder``, wait for all drones, fly.
 
@@ -271,9 +272,8 @@ def serve_world(
         credentials.save_login(agent, login_folder / f"{_name(agent)}.json")
     try:
         with WorldLink(credentials, listen) as link:
-            return WorldServer(
-                mission, link, clock, NoControl(lambda: leave.asked, on_snapshot), record
-            ).run()
+            control = NoControl(lambda: leave.asked, on_snapshot)
+            return WorldServer(mission, link, clock, control, record, join_s).run()
     except (ServerError, LinkError) as error:
         raise RunBroken(str(error)) from None
 

@@ -2,7 +2,10 @@
 
 lockstep  sends tick k to every drone that answers, waits for all answers, moves on: as fast as the machine allows, and
           repeatable.
-realtime  ticks on the wall clock; an answer that is late counts as a deadline miss, and the drone keeps its last command.
+realtime  ticks on the wall clock; an answer that is late counts as a deadline miss, and the drone keeps its last command
+          for a little, then coasts.
+
+A drone that has not answered for `_ANSWER_S` is lost. One whose process comes back before that is welcomed as restarted.
 
 Whoever runs the flight hands in a `Control`: the launcher's end of a pipe, or nothing at all.
 """
@@ -26,8 +29,7 @@ from world.telemetry import Snapshot, snapshot
 from world.watch import Watch, Watched
 
 Clock = Literal["lockstep", "realtime"]
-_JOIN_S = 30.0  # patience for all drones to arrive
-_ANSWER_S = 5.0  # lockstep's patience for one answer; after that the drone counts as lost
+_ANSWER_S = 5.0  # patience for one answer
 # Unanswered ticks after which a drone is sent no more until it answers: a full pipe would block the world.
 _BACKLOG = 20
 _SNAPSHOT_S = 0.125
@@ -103,8 +105,9 @@ class WorldServer:
         clock: Clock,
         control: Control,
         record: Callable[[WorldCore], None] | None = None,
+        join_s: float = 30.0,
     ) -> None:
-        """``record`` is called before the first tick and after every tick, for example by a recorder.
+        """``record`` is called before the first tick and after every tick; ``join_s`` is the patience for drones to arrive.
 
         Raises:
             world.field.FieldError: the mission leaves no room to start.
@@ -113,6 +116,7 @@ class WorldServer:
         self._record = record or (lambda core: None)
         self.core = WorldCore([mission])
         agents = mission.agents
+        self._join_s = join_s
         self._welcome_fields = mission.model_dump(mode="json")
         self._boots = [0] * agents
         self._ready = [False] * agents
@@ -127,7 +131,8 @@ class WorldServer:
         self._told = self._told_bytes = self._heard_bytes = 0
         self._pulsed = 0.0
         self._answered = [-1] * agents  # the last tick each drone answered
-        self._asked = [-1] * agents  # and the last it was sent
+        self._asked = [-1] * agents  # and the last it was sent, and in which words
+        self._question = [b""] * agents
 
     def run(self) -> Flown:
         """Gather the drones, fly to the end, say goodbye.
@@ -167,7 +172,7 @@ class WorldServer:
 
     def _gather(self) -> None:
         """Welcome the drones until all are ready."""
-        deadline = time.monotonic() + _JOIN_S
+        deadline = time.monotonic() + self._join_s
         while not all(self._ready):
             missing = [agent for agent, ready in enumerate(self._ready) if not ready]
             if self._control.leaving():
@@ -176,7 +181,7 @@ class WorldServer:
             if gone:
                 raise ServerError(f"the process of agent {gone[0]} ended before the flight began")
             if time.monotonic() > deadline:
-                raise ServerError(f"agents {missing} did not arrive within {_JOIN_S:g} s")
+                raise ServerError(f"agents {missing} did not arrive within {self._join_s:g} s")
             self._receive(messages.WAIT_EVERY_S)
             self._pulse()
 
@@ -238,8 +243,11 @@ class WorldServer:
             if self._asked[agent] - self._answered[agent] > _BACKLOG:
                 continue
             self._asked[agent] = tick
-            heard = [frames[sent % ring][source] for source, sent in pairs[start[agent] : start[agent + 1]]]
-            message = messages.pack(messages.TICK, tick, pack_sensed(sensed, agent), heard)
+            heard = pairs[start[agent] : start[agent + 1]]
+            sources = bytes([source for source, _ in heard])
+            payloads = [frames[sent % ring][source] for source, sent in heard]
+            message = messages.pack(messages.TICK, tick, pack_sensed(sensed, agent), sources, payloads)
+            self._question[agent] = message
             self._told += 1
             self._told_bytes += len(message)
             self._link.send(agent, message)
@@ -273,9 +281,15 @@ class WorldServer:
         """Receive until the wall clock says that the tick is over; count who has not answered it."""
         while (left := deadline - time.perf_counter()) > 0:
             self._receive(left)
-        while self._receive(0) is not None:
-            pass
-        self._misses += sum(1 for agent in awake if self._answered[agent] < tick)
+        for _ in awake:  # what came in the meantime, but no flood
+            self._receive(0)
+        for agent in awake:
+            behind = tick - self._answered[agent]
+            self._misses += behind > 0
+            if behind > _BACKLOG:
+                self._command[agent] = 0.0
+            if behind * TICK_S > _ANSWER_S:
+                self._lose([agent])
 
     def _lose(self, agents: list[int]) -> None:
         gone = [agent for agent in agents if self.core.flying[0, agent]]
@@ -297,7 +311,7 @@ class WorldServer:
             elif kind == messages.HELLO:
                 self._greet(agent, fields[0])
             elif kind == messages.READY:
-                self._ready[agent] = True
+                self._take_ready(agent)
         except (messages.MessageError, ValueError, TypeError, IndexError):
             return None
         return agent
@@ -308,10 +322,25 @@ class WorldServer:
             if self.core.tick[0] == 0 and not self._ready[agent]:
                 raise ServerError(wrong)
             raise ValueError(wrong)  # no single drone ends a flight that has begun
+        if not self.core.flying[0, agent]:
+            self._link.send(agent, messages.pack(messages.BYE))
+            return
+        if self._ready[agent]:  # a HELLO after its READY is another process: it knows nothing
+            self._boots[agent] += 1
+            self._ready[agent] = False
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
         self._link.send(
             agent, messages.pack(messages.WELCOME, self._welcome_fields, slots, self._boots[agent])
         )
+
+    def _take_ready(self, agent: int) -> None:
+        """From now on this drone is sent every tick; in lockstep also the one it missed while it was away."""
+        self._ready[agent] = True
+        missed = self._asked[agent] > self._answered[agent]
+        if missed and self._clock == "lockstep":
+            self._link.send(agent, self._question[agent])
+        elif missed:
+            self._asked[agent] = self._answered[agent]
 
     def _take_reply(
         self, agent: int, tick: Any, ax: Any, ay: Any, slot: Any, frame: Any, status: Any

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from agent import process
 from agent.process import Drone, fly
 from protocols import messages
-from protocols.frames import MAX_FRAME_BYTES, REASONS, VERSION, encode_frame, swarm_tag
+from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, encode_frame, swarm_tag
 from protocols.mission import parse_mission
 from protocols.sensed import empty_sensed, pack_sensed
 from protocols.swap import SlotNote, encode
@@ -56,16 +56,34 @@ GOOD = frames_of_a_flight()
 NOW = 30
 
 
+def from_others(heard: list[bytes]) -> tuple[bytes, list[bytes]]:
+    """The frames, and from whom they come: whom they name, or drone 1 where they name nobody."""
+    sources = []
+    for data in heard:
+        try:
+            sources.append(msgpack.unpackb(data)[2][FIXED.fields["sender"][1]])
+        except Exception:
+            sources.append(1)
+    return bytes(sources), heard
+
+
 def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[bytes], dict[str, int]]:
     """A drone's answers to some ticks in a row, without its account of itself; what it has rejected."""
     one, said = drone(), []
     for tick in range(NOW, NOW + ticks):
-        kind, fields = messages.unpack(one.answer(tick, sensed(), heard if tick == NOW else []))
+        kind, fields = messages.unpack(one.answer(tick, sensed(), *from_others(heard if tick == NOW else [])))
         said.append(messages.pack(kind, *fields[:5]))
     return said, one.rejected
 
 
 DEAF = answers([])[0]
+
+
+def test_a_frame_in_anothers_name_is_dropped() -> None:
+    sources, heard = from_others(GOOD)
+    one = drone()
+    one.answer(NOW, sensed(), bytes(source + 1 for source in sources), heard)
+    assert one.rejected["sender"] == len(heard)
 
 
 def altered(place: int, value: Any, data: bytes = GOOD[0]) -> bytes:
@@ -119,9 +137,9 @@ def test_a_bad_frame_is_counted_by_its_reason_and_as_good_as_unheard(data: bytes
 
 def test_a_frame_from_the_past_or_the_future_is_stale() -> None:
     late = drone()
-    late.answer(NOW + 500, sensed(), GOOD)
+    late.answer(NOW + 500, sensed(), *from_others(GOOD))
     early = drone()
-    early.answer(NOW - 1, sensed(), GOOD)
+    early.answer(NOW - 1, sensed(), *from_others(GOOD))
     assert late.rejected == early.rejected == rejected(stale=5)
 
 
@@ -184,8 +202,8 @@ NOTES = st.tuples(
 def test_whatever_neighbours_say_about_slots_a_drone_goes_on_and_holds_one(notes: list[Any]) -> None:
     one = drone()
     heard = [altered(5, note, frame) for note, frame in zip(notes, GOOD, strict=False)]
-    one.answer(NOW, sensed(), heard)
-    kind, fields = messages.unpack(one.answer(NOW + 1, sensed(), []))
+    one.answer(NOW, sensed(), *from_others(heard))
+    kind, fields = messages.unpack(one.answer(NOW + 1, sensed(), *from_others([])))
     assert kind == messages.REPLY
     assert 0 <= fields[3] < 6
     assert sorted(one.status().view) == list(range(6))
@@ -198,7 +216,7 @@ def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None
 
 def test_a_drone_that_begins_in_mid_flight_takes_nobody_for_dead() -> None:
     one = Drone(MISSION, ME, bytes(range(6)), 1)
-    one.answer(900, sensed(), [])
+    one.answer(900, sensed(), *from_others([]))
     assert one.core.memory.last_seen[0].tolist() == [900] * 6
 
 
@@ -220,7 +238,7 @@ BYE = messages.pack(messages.BYE)
 
 
 def tick_message(tick: int) -> bytes:
-    return messages.pack(messages.TICK, tick, sensed(), [])
+    return messages.pack(messages.TICK, tick, sensed(), *from_others([]))
 
 
 def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
@@ -263,6 +281,8 @@ def test_a_second_welcome_does_not_make_a_drone_forget() -> None:
 
 def test_a_drone_tells_of_itself_now_and_then() -> None:
     one = drone()
-    told = [messages.unpack(one.answer(tick, sensed(), []))[1][5] is not None for tick in range(101)]
+    told = [
+        messages.unpack(one.answer(tick, sensed(), *from_others([])))[1][5] is not None for tick in range(101)
+    ]
     assert [tick for tick, status in enumerate(told) if status] == [0, 50, 100]
     assert process._STATUS_EVERY == 50

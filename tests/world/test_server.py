@@ -13,7 +13,7 @@ from protocols.status import SWAP_COUNTS
 from rsc_swarm.simulate import simulate
 from tests.loopback import Loopback, fly
 from world import server
-from world.server import ServerError, WorldServer
+from world.server import Clock, ServerError, WorldServer
 
 REPLY = messages.REPLY
 NAN, INF = float("nan"), float("inf")
@@ -184,12 +184,11 @@ def test_a_drone_of_another_version_is_refused_by_name_before_the_flight() -> No
         WorldServer(mission(), swarm, "lockstep", swarm).run()
 
 
-def test_drones_that_do_not_come_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "_JOIN_S", 2.5)
+def test_drones_that_do_not_come_are_named() -> None:
     swarm = Loopback(mission())
     swarm._alive -= {1, 4}
     with pytest.raises(ServerError, match=r"^agents \[1, 4\] did not arrive within 2.5 s$"):
-        WorldServer(mission(), swarm, "lockstep", swarm).run()
+        WorldServer(mission(), swarm, "lockstep", swarm, join_s=2.5).run()
 
 
 def test_a_process_that_ends_before_the_flight_is_named() -> None:
@@ -271,3 +270,43 @@ def test_drones_get_the_mission_of_the_world() -> None:
     WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
     drone: Drone = swarm.drones[5]
     assert drone.core.mission == swarm.mission
+
+
+@pytest.mark.usefixtures("impatient")
+def test_in_real_time_a_silent_drone_coasts_and_is_lost_after_a_while() -> None:
+    commands: dict[int, np.ndarray] = {}
+    task = mission(time_limit_s=1.2)
+    swarm = Loopback(task, lambda agent, tick, reply: [] if agent == 2 and tick >= 10 else [reply])
+    world = WorldServer(
+        task,
+        swarm,
+        "realtime",
+        swarm,
+        lambda core: commands.setdefault(int(core.tick[0]), core.command[0, 2].copy()),
+    )
+    outcome = world.run().outcome
+    assert outcome.lost_agents == (2,)
+    assert commands[20].any()
+    assert not commands[60].any()
+
+
+@pytest.mark.parametrize("clock", ["lockstep", "realtime"])
+def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on(clock: Clock) -> None:
+    task = mission()
+    swarm = Loopback(task)
+    minds: list[Drone] = []
+    died: list[int] = []
+
+    def die_once(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if (agent, tick) != (3, 20) or died:
+            return [reply]
+        died.append(tick)
+        return [messages.pack(messages.HELLO, messages.VERSION, "")]
+
+    swarm._meddle = die_once
+    world = WorldServer(task, swarm, clock, swarm, lambda core: minds.append(swarm.drones[3]))
+    outcome = world.run().outcome
+    assert outcome.lost_agents == ()
+    assert minds[0] is not minds[-1]
+    assert world._boots == [0, 0, 0, 1, 0, 0]
+    assert swarm.drones[3].tick == 59
