@@ -9,6 +9,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -93,7 +94,8 @@ def _world(
 
 def _agent(agent: int, endpoint: str, login: Login) -> None:
     """A drone's process. It works in bursts, and waking up must not push the world off its core: that is batch scheduling."""
-    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    with suppress(OSError):  # not everywhere allowed
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     gc.set_threshold(100_000)  # a tick leaves no cycles behind
     leave = leave_on_sigterm()
     with AgentLink(endpoint, login) as link:
