@@ -1,6 +1,14 @@
-"""What all tests share: random examples may take their time on a busy machine."""
+"""What all tests share: random examples may take their time on a busy machine, and Ctrl-C works.
+
+A test run that was started in the background ignores Ctrl-C, and so would every process that it starts.
+"""
+
+import signal
 
 from hypothesis import settings
 
 settings.register_profile("swarm", deadline=None)
 settings.load_profile("swarm")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -154,7 +154,7 @@ class WorldServer:
                 self._control.show(snapshot(core, self._statuses, factor, self._misses))
         wall = time.perf_counter() - started
         self._dismiss()
-        ticks_told = self._told
+        told = max(self._told, 1)
         outcome = core.outcomes[0]
         assert outcome is not None
         return Flown(
@@ -166,7 +166,7 @@ class WorldServer:
             real_time_factor=outcome.ticks * TICK_S / wall,
             deadline_misses=self._misses,
             median_frame_bytes=float(median(self._sizes)) if self._sizes else 0.0,
-            message_bytes=(self._heard_bytes / max(ticks_told, 1), self._told_bytes / max(ticks_told, 1)),
+            message_bytes=(self._heard_bytes / told, self._told_bytes / told),
             first_tick_at=first_tick_at,
         )
 
@@ -187,12 +187,8 @@ class WorldServer:
 
     def _dismiss(self) -> None:
         """Say goodbye and take the last accounts."""
-        waiting = {
-            agent
-            for agent in range(self._mission.agents)
-            if self.core.flying[0, agent] and self._ready[agent]
-        }
-        waiting &= {agent for agent in waiting if self.core.responsive[0, agent]}
+        answering = self.core.flying[0] & self.core.responsive[0]
+        waiting = {agent for agent in np.flatnonzero(answering).tolist() if self._ready[agent]}
         for agent in range(self._mission.agents):
             self._link.send(agent, messages.pack(messages.BYE))
         deadline = time.monotonic() + 0.5
@@ -221,7 +217,7 @@ class WorldServer:
         if self._clock == "lockstep":
             self._await(lambda agent: self._answered[agent] >= tick)
         else:
-            self._keep_time(tick, awake, started + (tick + 1) * TICK_S)
+            self._keep_time(tick, started + (tick + 1) * TICK_S)
         self._watch.tick(tick, self._awake())
         core.advance(self._command, self._sent_bytes, self._claim)
         if core.active[0] and self._watch.breach:
@@ -232,7 +228,7 @@ class WorldServer:
             core.end(0, "all-lost")
 
     def _awake(self) -> list[int]:
-        return [int(agent) for agent in np.flatnonzero(self.core.rows_awake)]
+        return np.flatnonzero(self.core.rows_awake).tolist()
 
     def _say_tick(self, tick: int, awake: list[int]) -> None:
         sensed = self.core.sense()
@@ -277,10 +273,11 @@ class WorldServer:
             for agent in self._awake():
                 self._link.send(agent, messages.pack(messages.WAIT))
 
-    def _keep_time(self, tick: int, awake: list[int], deadline: float) -> None:
+    def _keep_time(self, tick: int, deadline: float) -> None:
         """Receive until the wall clock says that the tick is over; count who has not answered it."""
         while (left := deadline - time.perf_counter()) > 0:
             self._receive(left)
+        awake = self._awake()
         for _ in awake:  # what came in the meantime, but no flood
             self._receive(0)
         for agent in awake:
