@@ -127,13 +127,13 @@ def rehearse(mission: Mission) -> None:
         drone.answer(tick, pack_sensed(empty_sensed(1), 0), b"", [])
 
 
-def fly(link: Link, agent: int, leaving: Callable[[], bool], wants: str = "") -> str:
+def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:
     """Take part in a flight as drone ``agent`` until it is over; return why it ended, for the log.
 
     Raises:
         protocols.mission.MissionError, agent.policy.PolicyError: the mission cannot be flown by this version.
     """
-    link.send(messages.pack(messages.HELLO, messages.VERSION, wants))
+    link.send(messages.pack(messages.HELLO, messages.VERSION))
     drone: Drone | None = None
     silent_s = 0.0
     while not leaving():
@@ -143,7 +143,7 @@ def fly(link: Link, agent: int, leaving: Callable[[], bool], wants: str = "") ->
             if silent_s >= messages.SILENCE_LIMIT_S:
                 return "the world has fallen silent"
             if drone is None:
-                link.send(messages.pack(messages.HELLO, messages.VERSION, wants))
+                link.send(messages.pack(messages.HELLO, messages.VERSION))
             continue
         silent_s = 0.0
         kind, fields = messages.unpack(data)

@@ -62,11 +62,6 @@ def every_tx(swarm: str) -> str:
     return f"{checked_swarm(swarm)}/tx/*"
 
 
-def air(swarm: str) -> str:
-    """Where frames go when no world relays them: every agent in reach of the network hears them."""
-    return f"{checked_swarm(swarm)}/air"
-
-
 def user(agent: int) -> str:
     """The name under which ``agent`` logs in."""
     return f"agent-{_checked_agent(agent)}"

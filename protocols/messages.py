@@ -1,6 +1,6 @@
 """What the world and a drone's process say to each other over Zenoh, one msgpack array each, kind first.
 
-drone -> world   HELLO [version, what it wants]      asks to take part, repeated until welcomed
+drone -> world   HELLO [version]                     asks to take part, repeated until welcomed
                  READY []                            will answer every tick from now on
                  REPLY [tick, ax, ay, slot, frame or nil, status or nil]
 world -> drone   WELCOME [mission, initial slots, boot]

@@ -33,7 +33,7 @@ class Loopback:
         self._said: deque[tuple[int, bytes]] = deque()
         self._tick = -1
         for agent in range(mission.agents):
-            self.say(agent, messages.pack(messages.HELLO, messages.VERSION, ""))
+            self.say(agent, messages.pack(messages.HELLO, messages.VERSION))
 
     def say(self, agent: int, data: bytes) -> None:
         """This reaches the world as from ``agent``."""
@@ -69,7 +69,7 @@ class Loopback:
                 self._alive.discard(agent)
             if kind == "restart":
                 self._alive.add(agent)
-                self.say(agent, messages.pack(messages.HELLO, messages.VERSION, ""))
+                self.say(agent, messages.pack(messages.HELLO, messages.VERSION))
 
     def lost(self) -> list[int]:
         gone, self.gone = self.gone, []

@@ -3,14 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.control.gains import Gains
+from agent.control.gains import GAINS
 from agent.desk import Desk
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Seen
 from protocols.kernels import kernel
 from protocols.mission import Mission
-
-_GAINS = Gains()  # a constant of the kernel
 
 
 @kernel
@@ -30,7 +28,7 @@ def _act(desk: Desk, wanted: NDArray[np.float64]) -> None:
                 memory.obstacle_rel[row],
                 memory.obstacle_radius[row],
                 memory.disc_side[row],
-                _GAINS,
+                GAINS,
             )
 
 

@@ -178,7 +178,7 @@ def test_a_flight_whose_drones_are_all_lost_is_over() -> None:
 
 def test_a_drone_of_another_version_is_refused_by_name_before_the_flight() -> None:
     swarm = Loopback(mission())
-    swarm.say(4, messages.pack(messages.HELLO, messages.VERSION + 1, ""))
+    swarm.say(4, messages.pack(messages.HELLO, messages.VERSION + 1))
     swarm._said.rotate(1)
     with pytest.raises(ServerError, match=r"^agent 4 speaks version 2 of the messages, the world 1$"):
         WorldServer(mission(), swarm, "lockstep", swarm).run()
@@ -301,7 +301,7 @@ def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on
         if (agent, tick) != (3, 20) or died:
             return [reply]
         died.append(tick)
-        return [messages.pack(messages.HELLO, messages.VERSION, "")]
+        return [messages.pack(messages.HELLO, messages.VERSION)]
 
     swarm._meddle = die_once
     world = WorldServer(task, swarm, clock, swarm, lambda core: minds.append(swarm.drones[3]))
