@@ -66,6 +66,9 @@ class Evaluation(BaseModel):
     agreed_after_max_s: float | None = Field(
         description="longest time from the last fault until all views were equal, over flights in which they were"
     )
+    agreed_in_1s_rate: float = Field(
+        description="share of flights in which all views were equal within 1 s of the last fault"
+    )
     overlap_mean_s: float = Field(
         description="mean time during which drones claimed the same slot, summed over drones"
     )
@@ -187,6 +190,7 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         breaches=sum(flight.watched.breach is not None for flight in flights),
         disagreed=sum(not flight.watched.agreed for flight in flights),
         agreed_after_max_s=max(agreed_after, default=None),
+        agreed_in_1s_rate=sum(after <= 1 for after in agreed_after) / runs,
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
         swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
         failures=[_failed(flight) for flight in flights if not flight.outcome.success],
