@@ -54,15 +54,16 @@ def bench(
     Raises:
         rsc_swarm.launch.RunBroken, RuntimeError: a run broke.
     """
+    runs = 1 if quick else 3
     say("a launch from the command line, and one drone alone")
     figures: dict[str, Any] = {"agents": agents, **_alone(agents)}
     say("one process: the batch simulation and the slot protocol")
     figures |= {**_batch(agents), **_protocol(agents)}
     say(f"{agents} drones in {agents} processes, and the bare echo")
-    figures |= _flights(Mission(agents=agents), 1 if quick else 3)
+    figures |= _flights(Mission(agents=agents), runs)
     say(f"{_LARGE} drones in {_LARGE} processes, and the bare echo")
     large = Mission(agents=_LARGE, time_limit_s=5.0) if quick else Mission(agents=_LARGE)
-    figures["large"] = {"agents": _LARGE, **_flights(large, 1)}
+    figures["large"] = {"agents": _LARGE, **_flights(large, runs)}
     return figures
 
 

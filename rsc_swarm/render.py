@@ -100,7 +100,7 @@ def _swaps(report: FlightReport) -> str:
     if fates:
         text += f" ({', '.join(fates)})"
     if swaps.vacated:
-        text += f", {swaps.vacated} dead agents' slots taken"
+        text += f", {swaps.vacated} slot{'s' if swaps.vacated > 1 else ''} taken from the dead"
     return text
 
 
