@@ -75,6 +75,10 @@ class AgentCore:
         forget(self.memory, row, tick)
         self.parties.restart(row, boot)
 
+    def load_rare_kernels(self) -> None:
+        """Load (or compile) what only some ticks need: at the first swap there is no time for it."""
+        cycle.aim_again(self._desk)
+
     def step(self, tick: int, first: int) -> NDArray[np.float64]:
         """Decide one tick for the awake rows; return the commands (A, 2), accelerations in m/s^2.
 

@@ -125,6 +125,7 @@ def rehearse(mission: Mission) -> None:
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0)
     for tick in range(2):
         drone.answer(tick, pack_sensed(empty_sensed(1), 0), b"", [])
+    drone.core.load_rare_kernels()
 
 
 def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent import process
+from agent import cycle, process
 from agent.process import Drone, fly
 from protocols import messages
 from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, encode_frame, swarm_tag
@@ -286,3 +286,16 @@ def test_a_drone_tells_of_itself_now_and_then() -> None:
     ]
     assert [tick for tick, status in enumerate(told) if status] == [0, 50, 100]
     assert process._STATUS_EVERY == 50
+
+
+def test_after_the_rehearsal_a_drone_that_swaps_compiles_nothing() -> None:
+    process.rehearse(MISSION)
+    ready = {
+        name: len(getattr(cycle, name).signatures) for name in ("before_policy", "aim_again", "after_policy")
+    }
+    assert all(ready.values())
+    one = drone()
+    for tick in range(NOW, NOW + 3):
+        one.answer(tick, sensed(), *from_others(GOOD if tick == NOW else []))
+    one.core.load_rare_kernels()
+    assert ready == {name: len(getattr(cycle, name).signatures) for name in ready}
