@@ -56,12 +56,7 @@ def fly(
             if recorder:
                 recorder.record(core)
             simulation.tick()
-            sizes += np.bincount(
-                np.minimum(core._sizes[0, (simulation.clock - 1) % core.ring], MAX_FRAME_BYTES),
-                minlength=len(sizes),
-            )
-            if core.active[0] and not core.flying[0].any():
-                core.end(0, "all-lost")
+            sizes += np.bincount(np.minimum(simulation.frame_bytes, MAX_FRAME_BYTES), minlength=len(sizes))
             if simulation.clock % _LOOK_EVERY and core.active[0]:
                 continue
             now = time.perf_counter() - begin

@@ -209,7 +209,7 @@ class _Launch:
         """The first line any process wrote about its end, for the one-line error."""
         for log in sorted((self._logs or self._folder.path).glob("*.log")):
             for line in log.read_text(errors="replace").splitlines():
-                if "Error" in line.partition(":")[2] or "Error" in line.partition(":")[0]:
+                if "Error" in line:
                     return f" ({line})"
         return ""
 

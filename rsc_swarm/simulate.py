@@ -4,7 +4,7 @@ One mission is a batch of one. Drones share the rows of `Frames` instead of pack
 exactly what the wire would carry, so a flight here has the digest of its twin in real processes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from protocols.status import AgentStatus
 from protocols.swap import encode
 from world.core import Outcome, WorldCore
 from world.watch import Watch
-
-Spectator = Callable[["Simulation"], None]
 
 
 class Simulation:
@@ -44,6 +42,7 @@ class Simulation:
             encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0)))
         )
         self._boots = np.zeros(self._rows, np.int64)
+        self.frame_bytes = np.zeros(self._rows, np.int64)  # of the last tick, 0 for a drone that sent nothing
         self.clock = 0
 
     def tick(self) -> list[int]:
@@ -63,7 +62,8 @@ class Simulation:
         work.awake[:] = world.rows_awake
         first = (self.clock % world.ring) * self._rows
         command = agents.step(self.clock, first)
-        ended = world.advance(command, self._sizes(work.sent, first), agents.views.slot)
+        self.frame_bytes = self._sizes(work.sent, first)
+        ended = world.advance(command, self.frame_bytes, agents.views.slot)
         ended += self._watch(world.active)
         self.clock += 1
         return ended
@@ -77,16 +77,13 @@ class Simulation:
         for index in np.flatnonzero(active):
             awake = np.flatnonzero(world.flying[index] & world.responsive[index])
             self.watches[index].tick(self.clock, awake.tolist())
-            failure = (
-                "broken-invariant"
-                if self.watches[index].breach
-                else None
-                if world.flying[index].any()
-                else "all-lost"
-            )
-            if failure:
-                world.end(int(index), failure)
-                ended.append(int(index))
+            if self.watches[index].breach:
+                world.end(int(index), "broken-invariant")
+            elif not world.flying[index].any():
+                world.end(int(index), "all-lost")
+            else:
+                continue
+            ended.append(int(index))
         return ended
 
     def status(self, row: int) -> AgentStatus:
@@ -106,14 +103,9 @@ class Simulation:
         return sizes
 
 
-def simulate(missions: Sequence[Mission], watch: Spectator | None = None) -> list[Outcome]:
-    """Fly all missions to their ends; ``watch`` is called after every tick.
-
-    The missions must agree in all but seeds and faults.
-    """
+def simulate(missions: Sequence[Mission]) -> list[Outcome]:
+    """Fly all missions to their ends. They must agree in all but seeds and faults."""
     simulation = Simulation(missions)
     while simulation.world.active.any():
         simulation.tick()
-        if watch:
-            watch(simulation)
     return [outcome for outcome in simulation.world.outcomes if outcome is not None]
