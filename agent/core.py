@@ -65,10 +65,8 @@ class AgentCore:
         self.memory = empty_memory(len(agents), mission.agents)
         self.views = empty_views(len(agents), mission.agents)
         self.parties = Parties(mission, agents, initial_slots, self.views, boot)
-        self._rules = rules_of(mission)
-        self._desk = make_desk(
-            self._rules, shape_of(mission), self.views, self.work, sensed, frames, self.memory
-        )
+        self._rules, self._shape = rules_of(mission), shape_of(mission)
+        self._desk = make_desk(self._rules, self._shape, self.views, self.work, sensed, frames, self.memory)
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""

@@ -4,11 +4,13 @@ Handing a kernel a hundred arrays one by one costs more than the kernel; a `Desk
 single pointer. In Python the same arrays are reached through the named tuples it was made of.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
+from numba.core import cgutils
 from numba.experimental import structref
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from agent.control.gains import SafetyLimits
@@ -99,12 +101,49 @@ class Desk(structref.StructRefProxy):  # type: ignore[misc]
 structref.define_proxy(Desk, _DeskType, ["rules", "shape", "views", "work", "sensed", "frames", "memory"])
 
 
+_intrinsic: Any = intrinsic  # numba's annotations know nothing of what it makes of a function
+
+
+@_intrinsic
+def _borrowed(typing: Any, group: Any) -> Any:
+    """A named tuple of arrays whose references nobody counts: counting them in kernels costs more than the rules do."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        lent = []
+        for index, kind in enumerate(group.types):
+            value = builder.extract_value(arguments[0], index)
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = cgutils.get_null_value(array.meminfo.type)
+            array.parent = cgutils.get_null_value(array.parent.type)
+            lent.append(array._getvalue())
+        return context.make_tuple(builder, group, lent)
+
+    return group(group), generate
+
+
 @kernel
+def _lay_out(
+    rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
+) -> Desk:
+    return Desk(
+        rules,
+        _borrowed(shape),
+        _borrowed(views),
+        _borrowed(work),
+        _borrowed(sensed),
+        _borrowed(frames),
+        _borrowed(memory),
+    )
+
+
 def make_desk(
     rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> Desk:
-    """Lay the arrays out once; kernels then share them with Python."""
-    return Desk(rules, shape, views, work, sensed, frames, memory)
+    """Lay the arrays out once; kernels then share them with Python.
+
+    The desk borrows the arrays: whoever made them must keep them for as long as it is used.
+    """
+    return _lay_out(rules, shape, views, work, sensed, frames, memory)
 
 
 def rules_of(mission: Mission) -> Rules:
