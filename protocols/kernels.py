@@ -9,6 +9,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -18,7 +19,7 @@ from numba.core import cgutils, config
 from numba.extending import intrinsic
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
-_KEPT_CACHES = 4
+_KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -45,9 +46,9 @@ def _choose_cache() -> Path:
     chosen = base / f"kernels-{_sources_fingerprint(Path(__file__).resolve().parent.parent)}"
     if not chosen.exists():
         chosen.mkdir(exist_ok=True)
-        old = sorted(base.glob("kernels-*"), key=lambda path: path.stat().st_mtime, reverse=True)
-        for path in old[_KEPT_CACHES:]:
-            shutil.rmtree(path, ignore_errors=True)
+        for path in base.glob("kernels-*"):
+            if time.time() - path.stat().st_mtime > _KEPT_S:
+                shutil.rmtree(path, ignore_errors=True)
     return chosen
 
 
