@@ -9,7 +9,6 @@ import hashlib
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -47,7 +46,7 @@ def _choose_cache() -> Path:
     if not chosen.exists():
         chosen.mkdir(exist_ok=True)
         for path in base.glob("kernels-*"):
-            if time.time() - path.stat().st_mtime > _KEPT_S:
+            if chosen.stat().st_mtime - path.stat().st_mtime > _KEPT_S:
                 shutil.rmtree(path, ignore_errors=True)
     return chosen
 
