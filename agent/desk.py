@@ -104,7 +104,7 @@ structref.define_proxy(Desk, _DeskType, ["rules", "shape", "views", "work", "sen
 _intrinsic: Any = intrinsic  # numba's annotations know nothing of what it makes of a function
 
 
-@_intrinsic
+@_intrinsic  # type: ignore[untyped-decorator]
 def _borrowed(typing: Any, group: Any) -> Any:
     """A named tuple of arrays whose references nobody counts: counting them in kernels costs more than the rules do."""
 

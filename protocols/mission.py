@@ -128,6 +128,21 @@ class SwapSpec(_Section):
     silent_s: Positive = Field(4.0, description="a drone unheard by everyone for this long has left its slot")
 
 
+class Trajectory(_Section):
+    """How a planned trajectory is flown; policies that plan nothing ignore it. ``required`` is the paper's inverse dynamics;
+    ``blend`` its fusion with the reactive controller when something is nearer than ``blend_radius_m``."""
+
+    tracking: Literal["smooth", "required"] = Field(
+        "smooth",
+        description="smooth: the plan's own acceleration, corrected; required: the paper's a_req",
+    )
+    blend: bool = Field(True, description="the nearer an obstacle or drone, the more the reactive controller")
+    blend_radius_m: Positive = 1.5
+    replan_ticks: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="ticks from plan to plan; none: as the policy's model says"
+    )
+
+
 class Fault(_Section):
     """Something that happens to the swarm at a given time."""
 
@@ -178,6 +193,7 @@ class Mission(_Section):
     radio: Radio = Radio()
     sensing: Sensing = Sensing()
     swap: SwapSpec = SwapSpec()
+    trajectory: Trajectory = Trajectory()
     faults: tuple[Fault, ...] = ()
     map_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
