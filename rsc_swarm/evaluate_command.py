@@ -1,6 +1,5 @@
 """``rsc-swarm evaluate``: progress while it flies, the table row, and the failures as commands."""
 
-import os
 import sys
 import time
 from contextlib import closing
@@ -12,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from protocols.mission import MissionError
-from rsc_swarm.evaluate import Evaluation, evaluate, journal_path, seeds_of, summarise
+from rsc_swarm.evaluate import Evaluation, crew_size, evaluate, journal_path, seeds_of, summarise
 from rsc_swarm.fly_command import check_json
 from rsc_swarm.journal import fingerprint
 from rsc_swarm.options import MissionOptions, command_line, resolve
@@ -35,14 +34,12 @@ def run(
         raise MissionError(
             "--map and --seed: evaluate chooses the seeds; use --seed-base, --maps and --starts"
         )
-    if workers is not None and workers < 1:
-        raise MissionError(f"--workers: give at least 1, not {workers}")
+    crew = crew_size(workers)
     mission = resolve(options)
     seeds = seeds_of(seed_base, maps, starts)
     check_json(json)
     code = fingerprint(mission)
     journal = journal_path(Path(json), code) if json and json != "-" else None
-    crew = workers or len(os.sched_getaffinity(0))
     begin = time.monotonic()
     gauge = Gauge()
     progress = Flights(TICKS_GUESS * mission.ticks, gauge)

@@ -72,7 +72,7 @@ class Journal:
         except OSError:
             self._file.close()
             raise JournalError(
-                f"{path}: another evaluation is writing here; give another --json file"
+                f"{path}: another evaluation is writing here; wait for it or write elsewhere"
             ) from None
         self._file.seek(0)
         text = self._file.read()

@@ -1,7 +1,7 @@
 """Flying the rows of a table. What was flown stays in the folder, so that the same command goes on after a stop.
 
-    FOLDER/table-1.json, .csv, .md    the table as far as it is flown, written after every row
-    FOLDER/flights/                   journals of single flights; rows of two tables that fly the same share one
+FOLDER/table-1.json, .csv, .md    the table as far as it is flown, written after every row
+FOLDER/flights/                   journals of single flights; rows of two tables that fly the same share one
 """
 
 from collections.abc import Callable

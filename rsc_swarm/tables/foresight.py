@@ -25,7 +25,9 @@ def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accu
     if not model.is_file():
         return None
     maps = list(dict.fromkeys(map_seed for map_seed, _ in seeds))[:_MAPS]
-    kept = journal.with_name(f"{journal.name.removesuffix('.journal.jsonl')}.accuracy-{maps[0]}-{len(maps)}.json")
+    kept = journal.with_name(
+        f"{journal.name.removesuffix('.journal.jsonl')}.accuracy-{maps[0]}-{len(maps)}.json"
+    )
     if kept.is_file():
         return Accuracy.model_validate_json(kept.read_bytes())
     measured = _in_child(model, mission, maps)

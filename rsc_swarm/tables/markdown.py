@@ -6,7 +6,7 @@ from rich.table import Table as Drawn
 from rich.text import Text
 
 from rsc_swarm.tables.result import RowResult, TableResult
-from rsc_swarm.tables.rows import TABLES
+from rsc_swarm.tables.rows import TABLES, Paper
 
 _LEGEND = (
     "S success with its 95 % interval, C collision, D any other failure; tau: mean time to success; "
@@ -24,7 +24,7 @@ _MAE = (
 _WAYS = (
     "*As in the paper*: the paper's a_req follows the plan to its end before the next is made, blended with its "
     "potential field near others; no safety filter; only leader and follower swap, at most once a second. "
-    "*Ours*: the defaults, with the safety filter last."
+    "*Ours*: the defaults, with the safety filter last. "
 )
 _PAGE = """# Results
 
@@ -74,7 +74,7 @@ def legend(result: TableResult) -> str:
     flown = {(row.maps, row.starts) for row in rows}
     if len(flown) == 1:
         ((first, last), starts) = flown.pop()
-        text += f" Maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each."
+        text += f"Maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each."
     return text.strip()
 
 
@@ -87,23 +87,37 @@ def cells(result: TableResult) -> list[list[str]]:
 
 
 def _figures(row: RowResult) -> dict[str, str]:
-    paper, accuracy = row.paper, row.accuracy
     low, high = row.success_interval
+    papers, model, floor = _papers(row.paper), None, None
+    if row.accuracy:
+        model, floor = row.accuracy.model_m, row.accuracy.constant_velocity_m
     return {
         "runs": str(row.runs),
         "S %": f"{100 * row.success_rate:.1f} ({100 * low:.1f} to {100 * high:.1f})",
-        "paper's S": _number(paper and paper.success_pct, 1),
+        "paper's S": papers["S"],
         "C %": _number(row.collision_rate, 1, 100),
-        "paper's C": _number(paper and paper.collision_pct, 1),
+        "paper's C": papers["C"],
         "D %": _number(row.noncollision_rate, 1, 100),
-        "paper's D": _number(paper and paper.noncollision_pct, 1),
+        "paper's D": papers["D"],
         "tau s": _number(row.tau_mean_s, 2),
-        "paper's tau": _number(paper and paper.tau_s, 2),
-        "MAE": _number(accuracy and accuracy.model_m, 2, 1e4),
-        "paper's MAE": _number(paper and paper.mae_1e4_m, 2),
-        "constant velocity's": _number(accuracy and accuracy.constant_velocity_m, 2, 1e4),
+        "paper's tau": papers["tau"],
+        "MAE": _number(model, 2, 1e4),
+        "paper's MAE": papers["MAE"],
+        "constant velocity's": _number(floor, 2, 1e4),
         "formed s": _number(row.formed_mean_s, 2),
         "swaps": _number(row.swaps_per_flight, 1),
+    }
+
+
+def _papers(paper: Paper | None) -> dict[str, str]:
+    if paper is None:
+        return dict.fromkeys(("S", "C", "D", "tau", "MAE"), "-")
+    return {
+        "S": _number(paper.success_pct, 1),
+        "C": _number(paper.collision_pct, 1),
+        "D": _number(paper.noncollision_pct, 1),
+        "tau": _number(paper.tau_s, 2),
+        "MAE": _number(paper.mae_1e4_m, 2),
     }
 
 

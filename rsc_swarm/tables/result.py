@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from dataclasses import asdict
 from pathlib import Path
 
@@ -73,7 +72,9 @@ def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowRes
     failures: dict[str, list[int]] = {}
     for failed in flown.failures:
         failures.setdefault(failed.failure, []).append(failed.seed)
-    same = flown.model_dump(include=RowResult.model_fields.keys() & Evaluation.model_fields.keys() - {"failures"})
+    same = flown.model_dump(
+        include=RowResult.model_fields.keys() & Evaluation.model_fields.keys() - {"failures"}
+    )
     swaps = flown.swaps_per_flight
     return RowResult(
         **{**same, "swaps_per_flight": swaps["committed"] + swaps["vacated"]},
@@ -170,7 +171,6 @@ def _flat(row: RowResult) -> dict[str, object]:
         **{f"paper_{name}": value for name, value in paper.items()},
         "first_map": row.maps[0],
         "last_map": row.maps[1],
-        "failures": json.dumps({failure: len(seeds) for failure, seeds in row.failures.items()}),
         "command": row.command,
         "code": row.code,
     }
