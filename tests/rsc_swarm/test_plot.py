@@ -7,9 +7,11 @@ import pytest
 
 from protocols.mission import Mission
 from rsc_swarm import plot_command
+from rsc_swarm.canvas import PlotError
 from rsc_swarm.flight import fly
 from rsc_swarm.options import MissionOptions
-from rsc_swarm.plot import PlotError, Track, _collision, _edges, draw, load_track
+from rsc_swarm.plot import Track, _collision, _edges, draw, load_track
+from rsc_swarm.plot_command import Subject
 from rsc_swarm.rundir import RunDir, RunDirError
 
 pytest.importorskip("matplotlib")
@@ -33,7 +35,7 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
     track = flown(tmp_path, mission)
     assert np.diff(track.slots, axis=0).any()
     for name in ("flight.png", "flight.svg"):
-        draw(track, mission, tmp_path / name)
+        draw([(track, mission)], tmp_path / name)
     assert (tmp_path / "flight.png").read_bytes().startswith(PNG)
 
 
@@ -53,7 +55,7 @@ def test_a_collision_is_marked_where_it_was(tmp_path):
     assert track.failure == "collision"
     x, y = _collision(track)
     assert np.hypot(x - 12.0, y) - 2.0 == pytest.approx(0.5, abs=0.1)
-    draw(track, mission, tmp_path / "crash.png")
+    draw([(track, mission)], tmp_path / "crash.png")
 
 
 def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
@@ -61,20 +63,22 @@ def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
     folder = RunDir(tmp_path / "run")
     folder.begin(mission)
     fly(mission, trajectory=folder.trajectory)
-    plot_command.run(MissionOptions(), tmp_path / "run.png", folder.path)
+    plot_command.run(MissionOptions(), tmp_path / "run.png", Subject(run_dir=folder.path))
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
     assert capsys.readouterr().out == f"{tmp_path / 'run.png'}: 4 drones: interrupted\n"
 
 
 def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
     with pytest.raises(RunDirError, match="no flight recorded here"):
-        plot_command.run(MissionOptions(), tmp_path / "x.png", tmp_path)
-    with pytest.raises(PlotError, match=r"--map: the flight in --run-dir is flown already"):
-        plot_command.run(MissionOptions(map=3), tmp_path / "x.png", tmp_path)
+        plot_command.run(MissionOptions(), tmp_path / "x.png", Subject(run_dir=tmp_path))
+    with pytest.raises(PlotError, match=r"--map: --run-dir draws what was flown already"):
+        plot_command.run(MissionOptions(map=3), tmp_path / "x.png", Subject(run_dir=tmp_path))
     with pytest.raises(PlotError, match="give a file in a directory that exists"):
-        plot_command.run(MissionOptions(), tmp_path / "nowhere" / "x.png", None)
+        plot_command.run(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
     with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
-        plot_command.run(MissionOptions(agents=1, set=["time_limit_s=0.1"]), tmp_path / "flight.xyz", None)
+        plot_command.run(
+            MissionOptions(agents=1, set=["time_limit_s=0.1"]), tmp_path / "flight.xyz", Subject()
+        )
     (tmp_path / "bad.npz").write_text("not a flight")
     with pytest.raises(PlotError, match="is not a recorded flight"):
         load_track(tmp_path / "bad.npz", None, None, "")
@@ -84,4 +88,4 @@ def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
     track = flown(tmp_path, Mission(agents=1, time_limit_s=0.1))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(PlotError, match=r"pip install 'rsc-swarm\[plot\]'"):
-        draw(track, Mission(agents=1), tmp_path / "x.png")
+        draw([(track, Mission(agents=1))], tmp_path / "x.png")
