@@ -84,7 +84,7 @@ def draw_curves(folders: Sequence[Path], out: Path) -> None:
     """
     curves = {folder: read_curve(folder) for folder in folders}
     figure = new_figure(11.0, 3.8)
-    panels = figure.subplots(1, len(_PANELS))
+    panels = figure.subplots(1, len(_PANELS), sharex=True)
     for axes, (name, title, scale) in zip(panels, _PANELS, strict=True):
         bare(axes)
         for (folder, lines), colour in zip(curves.items(), LINES, strict=False):

@@ -12,17 +12,18 @@ from rsc_swarm.crew import CrewError, Seeds
 from rsc_swarm.rundir import write_whole
 from rsc_swarm.tables.result import Accuracy
 
+_MODELS = Path(agent.policy.__file__).parent / "models"
 _MAPS = 20  # the error is a mean over thousands of plans, so a few maps are enough
 
 
 def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accuracy | None:
-    """The accuracy of the mission's model on the first maps of ``seeds``; None for a controller without a model file.
+    """The accuracy of the mission's model on the first maps of ``seeds``; None for a controller that foretells nothing.
 
     Raises:
         CrewError: the measuring process broke.
     """
-    model = Path(agent.policy.__file__).parent / "models" / f"{mission.policy}.onnx"
-    if not model.is_file():
+    model = _MODELS / f"{mission.policy}.onnx"
+    if not (mission.policy.startswith("rsc-h") and model.is_file()):
         return None
     maps = list(dict.fromkeys(map_seed for map_seed, _ in seeds))[:_MAPS]
     kept = journal.with_name(

@@ -65,7 +65,8 @@ class Row:
     @property
     def options(self) -> MissionOptions:
         """What `rsc-swarm evaluate` is told to fly this row."""
-        settings = dict(text.split("=") for text in self.way.settings)  # the last word on a field counts
+        texts = (*(self.place.options.set or ()), *self.way.settings)
+        settings = dict(text.split("=") for text in texts)  # the last word on a field counts
         return replace(
             self.place.options,
             policy=self.policy,
