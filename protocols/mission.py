@@ -4,7 +4,7 @@ A mission file is YAML with the fields below; every field has a default, so an e
 (docs/task.md). Units are in the names. A wrong mission is refused with the field and what would be right.
 """
 
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -176,6 +176,17 @@ class Fault(_Section):
         return self
 
 
+@lru_cache(maxsize=64)  # missions that differ in their seeds share it
+def _plan(spec: FormationSpec, agents: int) -> Formation:
+    if spec.shape == "custom":
+        points = shape_points("line", agents, spec.spacing_m)
+        points[:] = spec.slots_m
+    else:
+        shape = default_shape(agents) if spec.shape == "auto" else spec.shape
+        points = shape_points(shape, agents, spec.spacing_m)
+    return build_formation(points, spec.spacing_m)
+
+
 class Mission(_Section):
     """One flight: who flies, in which formation, where, with which radio, and what goes wrong when."""
 
@@ -217,17 +228,10 @@ class Mission(_Section):
         """Ticks from one frame of a drone to its next."""
         return max(1, round(1 / (self.radio.frame_rate_hz * TICK_S)))
 
-    @cached_property
+    @property
     def plan(self) -> Formation:
         """The formation's slots and tree."""
-        spec = self.formation
-        if spec.shape == "custom":
-            points = shape_points("line", self.agents, spec.spacing_m)
-            points[:] = spec.slots_m
-        else:
-            shape = default_shape(self.agents) if spec.shape == "auto" else spec.shape
-            points = shape_points(shape, self.agents, spec.spacing_m)
-        return build_formation(points, spec.spacing_m)
+        return _plan(self.formation, self.agents)
 
     @model_validator(mode="after")
     def _flyable(self) -> "Mission":
