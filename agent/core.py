@@ -46,6 +46,7 @@ class AgentCore:
         inbox_size: int,
         boot: int = 0,
         policy: Policy | None = None,
+        rehearsal: bool = False,
     ) -> None:
         """Make the drones numbered ``me`` (A,), whose swarm starts in ``initial_slots`` (A, N): agent -> slot.
 
@@ -53,6 +54,7 @@ class AgentCore:
             sensed, frames: the arrays in which sensors and frames arrive, and into which frames are composed.
             inbox_size: frames that all rows together can hear in one tick.
             boot: above 0 means restarted in mid-flight, knowing nothing but the initial slots.
+            rehearsal: this process will fork: load all code, but open nothing.
 
         Raises:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
@@ -61,6 +63,7 @@ class AgentCore:
         self.mission, self.sensed, self.frames = mission, sensed, frames
         self.notes: list[object] = [None] * len(frames.tick)
         self.policy = policy or find_policy(mission.policy, mission)
+        self._opened = rehearsal
         self.work = empty_work(agents, inbox_size)
         self.memory = empty_memory(len(agents), mission.agents)
         self.views = empty_views(len(agents), mission.agents)
@@ -72,6 +75,18 @@ class AgentCore:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
         forget(self.memory, row, tick)
         self.parties.restart(row, boot)
+        if hasattr(self.policy, "forget"):
+            self.policy.forget(row)
+
+    def open(self) -> None:
+        """Open what the policy needs, if it has not been done; else the first `step` does it.
+
+        Raises:
+            agent.policy.PolicyError: it cannot be opened.
+        """
+        if not self._opened and hasattr(self.policy, "open"):
+            self.policy.open()
+        self._opened = True
 
     def load_rare_kernels(self) -> None:
         """Load (or compile) what only some ticks need: at the first swap there is no time for it."""
@@ -83,6 +98,7 @@ class AgentCore:
         What row r broadcasts goes into row first + r of ``frames`` and ``notes``. A note is read only where ``frames.loud``.
         """
         work, desk = self.work, self._desk
+        self.open()
         self.parties.changed.clear()
         if cycle.before_policy(tick, desk) and self.parties.step(tick, work, self.frames, self.notes):
             cycle.aim_again(desk)

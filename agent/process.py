@@ -34,7 +34,9 @@ class Link(Protocol):
 class Drone:
     """One drone of a welcomed process: turns TICK fields into a REPLY."""
 
-    def __init__(self, mission: Mission, agent: int, initial_slots: bytes, boot: int) -> None:
+    def __init__(
+        self, mission: Mission, agent: int, initial_slots: bytes, boot: int, rehearsal: bool = False
+    ) -> None:
         initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
         self.rejected = dict.fromkeys(REASONS, 0)
         self._mission, self._agent = mission, agent
@@ -42,7 +44,16 @@ class Drone:
         self._sensed = empty_sensed(1)
         self._sensors = SensedReader(self._sensed)
         self._frames = empty_frames(messages.MAX_HEARD + 1)
-        self.core = AgentCore(mission, [agent], initial, self._sensed, self._frames, messages.MAX_HEARD, boot)
+        self.core = AgentCore(
+            mission,
+            [agent],
+            initial,
+            self._sensed,
+            self._frames,
+            messages.MAX_HEARD,
+            boot,
+            rehearsal=rehearsal,
+        )
         self.core.work.inbox[:] = np.arange(messages.MAX_HEARD)
         self._reader = FrameReader(self._tag, mission.agents, self._frames)
         self.tick = -1
@@ -122,7 +133,7 @@ class Drone:
 
 def rehearse(mission: Mission) -> None:
     """Load (or on the very first run compile) every kernel a drone needs, so that its first tick is not late."""
-    drone = Drone(mission, 0, bytes(range(mission.agents)), 0)
+    drone = Drone(mission, 0, bytes(range(mission.agents)), 0, rehearsal=True)
     for tick in range(2):
         drone.answer(tick, pack_sensed(empty_sensed(1), 0), b"", [])
     drone.core.load_rare_kernels()
@@ -153,6 +164,7 @@ def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:
         elif kind == messages.WELCOME and drone is None:
             mission, initial_slots, boot = fields
             drone = Drone(parse_mission(mission, "the world's mission"), agent, initial_slots, boot)
+            drone.core.open()
             link.send(messages.pack(messages.READY))
         elif kind == messages.BYE:
             if drone is not None:

@@ -65,14 +65,14 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
             yield Flight(*seeds[world], outcome, simulation.watches[world].result(), swaps)
 
 
-def _simulation(mission: Mission, seeds: list[Seeds]) -> Simulation:
+def _simulation(mission: Mission, seeds: list[Seeds], rehearsal: bool = False) -> Simulation:
     missions = [mission.model_copy(update={"map_seed": map_seed, "seed": seed}) for map_seed, seed in seeds]
     for one in missions:
         try:
             draw_start(one, draw_obstacles(one))
         except FieldError as error:
             raise FieldError(f"map {one.map_seed}, seed {one.seed}: {error}") from None
-    return Simulation(missions)
+    return Simulation(missions, rehearsal)
 
 
 def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flight | int]:
@@ -85,7 +85,7 @@ def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flig
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     if not batches:
         return
-    _simulation(mission, seeds[:1]).tick()  # loads every kernel before the fork
+    _simulation(mission, seeds[:1], rehearsal=True).tick()  # loads every kernel before the fork
     crew = [_Worker(mission, number) for number in range(min(workers, len(batches)))]
     try:
         for worker in crew:

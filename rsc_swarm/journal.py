@@ -10,6 +10,7 @@ import inspect
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -39,7 +40,7 @@ def fingerprint(mission: Mission) -> str:
     """
     fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
     digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
-    digest.update(f"{numba.__version__} {np.__version__}".encode())
+    digest.update(f"{numba.__version__} {np.__version__} {version('onnxruntime')}".encode())
     for path in _deciding_files(mission):
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -49,11 +50,13 @@ def _deciding_files(mission: Mission) -> Iterator[Path]:
     for place in _DECIDING:
         path = _ROOT / place
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.is_file() and "__pycache__" not in file.parts:
+            if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".onnx":
                 yield file
-    policy = inspect.getsourcefile(type(find_policy(mission.policy, mission)))
-    if policy and not Path(policy).is_relative_to(_ROOT):
-        yield Path(policy)
+    policy = find_policy(mission.policy, mission)
+    source = inspect.getsourcefile(type(policy))
+    if source and not Path(source).is_relative_to(_ROOT):
+        yield Path(source)
+    yield from getattr(policy, "files", ())
 
 
 class Journal:

@@ -20,8 +20,8 @@ from world.watch import Watch
 class Simulation:
     """E worlds of N drones, all in step."""
 
-    def __init__(self, missions: Sequence[Mission]) -> None:
-        """Make the worlds and the drones.
+    def __init__(self, missions: Sequence[Mission], rehearsal: bool = False) -> None:
+        """Make the worlds and the drones; for a ``rehearsal``, in a process that will fork, they open nothing.
 
         Raises:
             world.field.FieldError, agent.policy.PolicyError: as WorldCore and AgentCore.
@@ -34,7 +34,13 @@ class Simulation:
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
         self.agents = AgentCore(
-            self.mission, me, initial, self.world.sensed, self._frames, self.world.inbox_size
+            self.mission,
+            me,
+            initial,
+            self.world.sensed,
+            self._frames,
+            self.world.inbox_size,
+            rehearsal=rehearsal,
         )
         self.watches = [Watch(agents, self.mission.swap.cooldown_s) for _ in missions]
         self._tag = swarm_tag(self.mission.swarm)
