@@ -7,7 +7,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import agent.policy
-from protocols.mission import Mission
+from protocols.mission import Mission, MissionError
+from rsc_swarm.batch import check_flyable
 from rsc_swarm.crew import CrewError, Seeds
 from rsc_swarm.rundir import write_whole
 from rsc_swarm.tables.result import Accuracy
@@ -17,13 +18,18 @@ _MAPS = 20  # the error is a mean over thousands of plans, so a few maps are eno
 
 
 def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accuracy | None:
-    """The accuracy of the mission's model on the first maps of ``seeds``; None for a controller that foretells nothing.
+    """The accuracy of the mission's model on the first maps of ``seeds``; None for a controller that foretells
+    nothing, and where the expert cannot fly.
 
     Raises:
         CrewError: the measuring process broke.
     """
     model = _MODELS / f"{mission.policy}.onnx"
     if not (mission.policy.startswith("rsc-h") and model.is_file()):
+        return None
+    try:
+        check_flyable(mission)
+    except MissionError:
         return None
     maps = list(dict.fromkeys(map_seed for map_seed, _ in seeds))[:_MAPS]
     kept = journal.with_name(

@@ -11,8 +11,6 @@ from typing import Any
 from protocols.mission import MissionError
 from rsc_swarm.options import Formation, MissionOptions
 
-EXPERT = "expert"
-
 
 @dataclass(frozen=True)
 class Paper:
@@ -117,7 +115,7 @@ def _papers_way(horizon: int) -> Way:
 
 
 def _expert(place: Place, paper: Paper | None = None) -> Row:
-    return Row(place, "Expert", _ALONE, EXPERT, paper)
+    return Row(place, "Expert", _ALONE, "expert", paper)
 
 
 def _baseline(place: Place, name: str, policy: str, paper: Paper | None = None) -> Iterator[Row]:
