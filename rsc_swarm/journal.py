@@ -21,6 +21,8 @@ import numpy as np
 from agent.policy import find_policy
 from protocols.mission import Mission
 from rsc_swarm.crew import Flight, Seeds
+from rsc_swarm.expert import EXPERT
+from rsc_swarm.expert import FILES as EXPERT_FILES
 from world.core import Outcome
 from world.watch import Watched
 
@@ -52,6 +54,9 @@ def _deciding_files(mission: Mission) -> Iterator[Path]:
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".onnx":
                 yield file
+    if mission.policy == EXPERT:
+        yield from EXPERT_FILES
+        return
     policy = find_policy(mission.policy, mission)
     source = inspect.getsourcefile(type(policy))
     if source and not Path(source).is_relative_to(_ROOT):
@@ -75,7 +80,7 @@ class Journal:
         except OSError:
             self._file.close()
             raise JournalError(
-                f"{path}: another evaluation is writing here; give another --json file"
+                f"{path}: another evaluation is writing here; wait for it or write elsewhere"
             ) from None
         self._file.seek(0)
         text = self._file.read()
