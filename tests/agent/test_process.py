@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from agent import cycle, process
 from agent.process import Drone, fly
 from protocols import messages
-from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, encode_frame, swarm_tag
+from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
 from protocols.mission import parse_mission
 from protocols.sensed import empty_sensed, pack_sensed
 from protocols.swap import SlotNote, encode
@@ -48,7 +48,7 @@ def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
         )
         assert isinstance(note, SlotNote)
         if simulation._frames.sender[row] != ME:
-            said.append(encode_frame(TAG, simulation._frames, row, encode(note)))
+            said.append(simulation._codec.encode(row, encode(note)))
     return said
 
 
