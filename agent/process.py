@@ -14,7 +14,7 @@ from agent.memory import forget
 from protocols import messages
 from protocols.frames import FrameCodec, empty_frames, swarm_tag
 from protocols.mission import Mission, parse_mission
-from protocols.sensed import SensedReader, empty_sensed, pack_sensed
+from protocols.sensed import SensedPacker, SensedReader, empty_sensed
 from protocols.status import AgentStatus
 from protocols.swap import SlotNote, encode
 from protocols.swap_notes import quiet_note
@@ -92,7 +92,7 @@ def rehearse(mission: Mission) -> None:
     """Load (or on the very first run compile) every kernel a drone needs, so that its first tick is not late."""
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0)
     for tick in range(2):
-        drone.answer(tick, pack_sensed(empty_sensed(1), 0), b"", [])
+        drone.answer(tick, SensedPacker(empty_sensed(1)).pack(0), b"", [])
     drone.core.load_rare_kernels()
 
 

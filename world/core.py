@@ -239,40 +239,42 @@ class WorldCore:
         return self._settle()
 
     def _settle(self) -> list[int]:
-        mission = self.missions[0]
+        mission, hold_ticks = self.missions[0], round(self.missions[0].hold_s / TICK_S)
         ended = []
-        closest = np.minimum(
-            self.verdict[:, referee.CLOSEST_AGENTS], self.verdict[:, referee.CLOSEST_OBSTACLE]
-        )
-        standing = (
-            (self.verdict[:, referee.COMPLETE] > 0)
-            & (self.verdict[:, referee.EDGE_ERROR] < mission.edge_tolerance)
-            & self.flying.any(axis=1)
-        )
-        self._formed_tick = np.where(standing & (self._formed_tick < 0), self.tick, self._formed_tick)
-        formed = standing & (self.verdict[:, referee.PASSED] > 0)
-        hold_ticks = round(mission.hold_s / TICK_S)
+        verdicts = (
+            self.verdict.tolist()
+        )  # a few numbers of each world: NumPy's own would cost more than the rules
         for world in np.flatnonzero(self.active).tolist():
-            verdict = self.verdict[world]
+            verdict, tick = verdicts[world], int(self.tick[world])
             self._hash(world)
             self._overlap_ticks[world] += verdict[referee.SHARED_SLOTS]
-            if closest[world] < self._closest[world]:
-                self._closest[world] = closest[world]
+            closest = min(verdict[referee.CLOSEST_AGENTS], verdict[referee.CLOSEST_OBSTACLE])
+            if closest < self._closest[world]:
+                self._closest[world] = closest
                 self._closest_text[world] = self._describe_closest(world)
-            if self._tau_tick[world] < 0 and formed[world]:
-                self._tau_tick[world] = self.tick[world]
+            standing = (
+                verdict[referee.COMPLETE] > 0
+                and verdict[referee.EDGE_ERROR] < mission.edge_tolerance
+                and bool(self.flying[world].any())
+            )
+            formed = standing and verdict[referee.PASSED] > 0
+            if standing and self._formed_tick[world] < 0:
+                self._formed_tick[world] = tick
+            if self._tau_tick[world] >= 0:
+                self._held[world] &= formed
+            elif formed:
+                self._tau_tick[world] = tick
                 self._at_tau[world] = verdict
-            elif self._tau_tick[world] >= 0:
-                self._held[world] &= formed[world]
+            tau = int(self._tau_tick[world])
             failure = None
-            if closest[world] < mission.limits.collision_m:
+            if closest < mission.limits.collision_m:
                 failure = "collision"
-            elif self._tau_tick[world] < 0 and self.tick[world] >= mission.ticks:
+            elif tau < 0 and tick >= mission.ticks:
                 failure = "late"
-            if failure or 0 <= self._tau_tick[world] <= self.tick[world] - hold_ticks:
-                self.outcomes[world] = self._outcome(int(world), failure)
+            if failure or 0 <= tau <= tick - hold_ticks:
+                self.outcomes[world] = self._outcome(world, failure)
                 self.active[world] = False
-                ended.append(int(world))
+                ended.append(world)
         return ended
 
     def end(self, world: int, failure: str) -> Outcome:
