@@ -69,7 +69,7 @@ class AgentCore:
         self.views = empty_views(len(agents), mission.agents)
         self.parties = Parties(mission, agents, initial_slots, self.views, boot)
         self._rules, self._shape = rules_of(mission), shape_of(mission)
-        self._desk = make_desk(self._rules, self._shape, self.views, self.work, sensed, frames, self.memory)
+        self.desk = make_desk(self._rules, self._shape, self.views, self.work, sensed, frames, self.memory)
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
@@ -90,14 +90,14 @@ class AgentCore:
 
     def load_rare_kernels(self) -> None:
         """Load (or compile) what only some ticks need: at the first swap there is no time for it."""
-        cycle.aim_again(self._desk)
+        cycle.aim_again(self.desk)
 
     def step(self, tick: int, first: int) -> NDArray[np.float64]:
         """Decide one tick for the awake rows; return the commands (A, 2), accelerations in m/s^2.
 
         What row r broadcasts goes into row first + r of ``frames`` and ``notes``. A note is read only where ``frames.loud``.
         """
-        work, desk = self.work, self._desk
+        work, desk = self.work, self.desk
         self.open()
         self.parties.changed.clear()
         if cycle.before_policy(tick, desk) and self.parties.step(tick, work, self.frames, self.notes):
