@@ -15,6 +15,7 @@ from rsc_swarm.evaluate_command import render
 from rsc_swarm.journal import Journal, JournalError, fingerprint
 from rsc_swarm.render import plain
 from rsc_swarm.simulate import simulate
+from tests.models import straight_on, written
 from world.field import FieldError
 
 SHORT = Mission(agents=4, time_limit_s=0.5)
@@ -125,6 +126,15 @@ def test_a_policy_from_elsewhere_decides_too(tmp_path, monkeypatch):
     before = fingerprint(mission)
     source.write_text(source.read_text() + "# tuned\n")
     assert fingerprint(mission) != before
+
+
+def test_a_journal_is_of_one_model_file(tmp_path):
+    path = written(tmp_path / "mine.onnx", 4, straight_on(4))
+    mission = SHORT.model_copy(update={"policy": str(path)})
+    before, others = fingerprint(mission), fingerprint(SHORT)
+    written(path, 4, straight_on(4, acceleration=(1.0, 0.0)))
+    assert fingerprint(mission) != before
+    assert fingerprint(SHORT) == others
 
 
 def test_two_evaluations_do_not_write_one_journal(tmp_path):
