@@ -16,7 +16,11 @@ from agent.memory import Memory
 from protocols.mission import Mission
 
 ENTRY_POINTS = "rsc_swarm.policies"
-_BUILT_IN = {"analytic": "agent.policy.analytic:Analytic", "cruise": "agent.policy.cruise:Cruise"}
+_BUILT_IN = {
+    "analytic": "agent.policy.analytic:Analytic",
+    "cruise": "agent.policy.cruise:Cruise",
+    "saber": "agent.policy.saber:Saber",
+}
 
 
 class PolicyError(ValueError):
