@@ -61,9 +61,10 @@ def test_an_obstacle_pushes_back_the_more_the_nearer_its_surface_is():
 
 
 def test_an_obstacle_brakes_what_flies_into_it_more_than_what_flies_along_it():
-    still, into, along = (beta_term(2.5, 0.0, 1.5, *v, GAINS) for v in ((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)))
+    gains = GAINS._replace(beta_fade=0.9)  # so that it counts fully at 1 m
+    still, into, along = (beta_term(2.5, 0.0, 1.5, *v, gains) for v in ((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)))
     brake, drag = still[0] - into[0], still[1] - along[1]
-    assert brake == pytest.approx(2.0 * GAINS.beta_consensus)
+    assert brake == pytest.approx(2.0 * gains.beta_consensus)
     assert drag == pytest.approx(brake * (1.0 - 1.5 / 2.5)), "its beta-agent slides along"
 
 
