@@ -1,6 +1,7 @@
 """Policy ``saber``: Olfati-Saber's flocking plus the formation term of our own controller, as the paper's baseline "Saber".
 
-It reacts and never plans: obstacles push it back, and nothing tells it on which side to pass.
+It reacts and never plans: obstacles push it back, and nothing tells it on which side to pass. How its constants were found, and
+what it reaches with them, is told in docs/policies.md.
 """
 
 import numpy as np
