@@ -19,7 +19,11 @@ from agent.policy.model_file import SHIPPED, shipped_models
 from protocols.mission import Mission
 
 ENTRY_POINTS = "rsc_swarm.policies"
-_BUILT_IN = {"analytic": "agent.policy.analytic:Analytic", "cruise": "agent.policy.cruise:Cruise"}
+_BUILT_IN = {
+    "analytic": "agent.policy.analytic:Analytic",
+    "cruise": "agent.policy.cruise:Cruise",
+    "saber": "agent.policy.saber:Saber",
+}
 
 
 class PolicyError(ValueError):

@@ -30,7 +30,7 @@ def install(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
 
 
 def test_built_in_policies_are_known_by_name() -> None:
-    assert {"analytic", "cruise"} <= set(policy_names())
+    assert {"analytic", "cruise", "saber"} <= set(policy_names())
     assert isinstance(find_policy("analytic", MISSION), Analytic)
     assert isinstance(find_policy("cruise", MISSION), Cruise)
 
@@ -50,7 +50,7 @@ def test_an_installed_policy_is_found_by_its_entry_point(monkeypatch: pytest.Mon
 def test_an_unknown_policy_is_refused_with_those_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, "homing", "tests.agent.example_policy:Homing")
     assert refusal("anlytic") == (
-        "policy: unknown policy 'anlytic'; known: analytic, cruise, homing; or give package.module:Class "
+        "policy: unknown policy 'anlytic'; known: analytic, cruise, homing, saber; or give package.module:Class "
         "or a model file"
     )
 
@@ -81,7 +81,7 @@ def task(policy: str, **fields: Any) -> Mission:
     return parse_mission({"agents": 6, "policy": policy, "obstacles": {"discs": []}, **fields})
 
 
-@pytest.mark.parametrize("policy", ["analytic", "cruise", "tests.agent.example_policy:Homing"])
+@pytest.mark.parametrize("policy", ["analytic", "cruise", "saber", "tests.agent.example_policy:Homing"])
 def test_a_swarm_flies_a_whole_flight_by_any_of_them(policy: str) -> None:
     outcome = simulate([task(policy)])[0]
     assert outcome.success, outcome
