@@ -218,7 +218,7 @@ class WorldServer:
             self._await(lambda agent: self._answered[agent] >= tick)
         else:
             self._keep_time(tick, started + (tick + 1) * TICK_S)
-        self._watch.tick(tick, self._awake())
+        self._watch.tick(tick, self._awake(), core.could_know(0))
         core.advance(self._command, self._sent_bytes, self._claim)
         if core.active[0] and self._watch.breach:
             core.end(0, "broken-invariant")
