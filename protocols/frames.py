@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from protocols.kernels import inlined_kernel
 
 VERSION = 1
-MAX_FRAME_BYTES = 1024
+MAX_FRAME_BYTES = 1536
 MAX_KNOWN = 64  # drones one frame can give displacements of
 OBSERVATION_SIZE = 18
 OBSERVATION_UNIT = 2048.0  # observation numbers travel as 16-bit fixed point, +-16

@@ -5,7 +5,8 @@ The rules
        swaps, newest first and then in rotation, until a few frames after it last heard one.
     2. While swaps are open, notes say who is known to have had exactly the sender's swaps. What all have had
        is folded: no older swap can still come, as an agent's later swaps count more than any it has had.
-       Without news of who has had them the notes fall silent, but for one frame every `ack_ticks`.
+       Without news of who has had them the notes fall silent, but for one frame every `ack_ticks`. These notes
+       too carry open swaps: who lacks one may hear without being heard, so that nobody hears its digest.
     3. Whoever hears a settled note of its own digest folds too: the sender knew that all have had them. Who
        has unlike swaps and a smaller checkpoint is sent the larger one, and takes it over.
     4. The dead learn nothing. Of more than `open_max` open swaps the older half is folded regardless.
@@ -114,9 +115,9 @@ class SlotGossip:
         checkpoint = book.base if self._lending else None
         self._lending = False
         ops: tuple[Swap, ...] = ()
-        if repairing:
+        if repairing or tallying:
             ops = self._pick_ops()
-            self._repair_left -= 1
+            self._repair_left = max(self._repair_left - 1, 0)
         if tallying:
             self._tally_left = max(self._tally_left - 1, 0)
             self._tally_at = tick + rules.ack_ticks

@@ -19,13 +19,13 @@ class SwapRules:
     """A promise waits this long for the commit: longer than `answer_ticks` and a frame's delay together."""
     retry_ticks: int = 10
     """After a proposal came to nothing, before the next."""
-    repair_per_frame: int = 4
+    repair_per_frame: int = 16
     """Swaps in one note."""
     repair_frames: int = 4
     """Notes that go on carrying swaps after the last unlike digest was heard."""
     ack_frames: int = 4
     """Notes that go on saying who has had the swaps after the last news of it. 0: none, and no folding."""
-    ack_ticks: int = 50
+    ack_ticks: int = 5
     """While swaps are open, nobody is silent about who has had them for longer than this."""
     open_max: int = 512
     """More open swaps than this are folded without waiting for everybody."""

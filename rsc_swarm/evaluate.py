@@ -70,6 +70,10 @@ class Evaluation(BaseModel):
     agreed_in_1s_rate: float = Field(
         description="share of flights in which all views were equal within 1 s of the last fault"
     )
+    allowed_after_max_s: float | None = Field(
+        description="as agreed_after_max_s, had every delivered frame told all its sender knew: what the radio allowed"
+    )
+    allowed_in_1s_rate: float = Field(description="as agreed_in_1s_rate, of what the radio allowed")
     overlap_mean_s: float = Field(
         description="mean time during which drones claimed the same slot, summed over drones"
     )
@@ -180,6 +184,7 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     taus = [outcome.tau_s for outcome in good if outcome.tau_s is not None]
     formed = [outcome.formed_s for outcome in outcomes if outcome.formed_s is not None]
     agreed_after = [after for flight in flights if (after := flight.watched.agreed_after_s) is not None]
+    allowed = [after for flight in flights if (after := flight.watched.allowed_after_s) is not None]
     low, high = wilson(len(good), runs)
     held = (
         sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
@@ -203,6 +208,8 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         disagreed=sum(not flight.watched.agreed for flight in flights),
         agreed_after_max_s=max(agreed_after, default=None),
         agreed_in_1s_rate=sum(after <= 1 for after in agreed_after) / runs,
+        allowed_after_max_s=max(allowed, default=None),
+        allowed_in_1s_rate=sum(after <= 1 for after in allowed) / runs,
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
         swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
         failures=[_failed(flight) for flight in flights if not flight.outcome.success],

@@ -124,6 +124,11 @@ def _print_notes(out: Console, result: Evaluation, options: MissionOptions, seco
             f"Views of the slots equal within 1 s of the last fault in {100 * result.agreed_in_1s_rate:.1f} % of flights, "
             f"at most {result.agreed_after_max_s:.2f} s after it."
         )
+    if result.mission["faults"] and result.allowed_after_max_s is not None:
+        out.print(
+            f"The radio allowed {100 * result.allowed_in_1s_rate:.1f} % and {result.allowed_after_max_s:.2f} s: the same, had "
+            "every frame that arrived told all its sender knew."
+        )
     if result.breaches or result.disagreed:
         out.print(
             f"[bold red]Slot views: {result.breaches} flights broke an invariant, {result.disagreed} ended in disagreement.[/]"

@@ -69,6 +69,9 @@ class WatchCounts(_Part):
     agreed_after_s: float | None = Field(
         description="from the last fault (or start) until all had one view; null if they never had"
     )
+    allowed_after_s: float | None = Field(
+        description="the same, had every frame that arrived told all its sender knew; null if never, or without faults"
+    )
     agreed: bool = Field(description="whether all living drones had one view at the end")
     most_swaps_in_a_second: int = Field(description="swaps of the whole swarm in its busiest second")
     undone: int = Field(description="swaps that a merge turned off again")

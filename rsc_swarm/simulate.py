@@ -80,7 +80,7 @@ class Simulation:
         ended = []
         for index in np.flatnonzero(active):
             awake = np.flatnonzero(world.flying[index] & world.responsive[index])
-            self.watches[index].tick(self.clock, awake.tolist())
+            self.watches[index].tick(self.clock, awake.tolist(), world.could_know(int(index)))
             if self.watches[index].breach:
                 world.end(int(index), "broken-invariant")
             elif not world.flying[index].any():

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from protocols.mission import TICK_S, Fault, Mission
 from protocols.sensed import MAX_OBSTACLES, Sensed, empty_sensed
-from world import field, medium, physics, referee
+from world import field, flood, medium, physics, referee
 
 EVERYONE = 0  # radio group while the swarm is not parted
 
@@ -104,6 +104,8 @@ class WorldCore:
         self._sizes = np.zeros((worlds, self._link.longest + 1, agents), np.int64)
         self._inbox_start = np.zeros(worlds * agents + 1, np.int64)
         self._inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
+        # Only where something goes wrong is there news to wait for.
+        self._flood = flood.empty_flood(worlds, agents, self.ring) if first.faults else None
         self._is_leaf = self.plan.is_leaf
         self._closest = np.full(worlds, np.inf)
         self._closest_text = ["nobody came near anybody"] * worlds
@@ -154,6 +156,8 @@ class WorldCore:
         elif kind == "thaw":
             self.responsive[world, agents] = self.flying[world, agents]  # no thaw revives the dead
         elif kind == "restart":
+            if self._flood:
+                self._flood.latest[world, agents] = flood.NEVER
             self.responsive[world, agents] = True
             self.velocity[world, agents] *= self.flying[world, agents, None]
             self.flying[world, agents] = True
@@ -197,7 +201,13 @@ class WorldCore:
             self._inbox_start,
             self._inbox,
         )
+        if self._flood:
+            flood.spread(self._flood, self.tick, self.active, self._inbox_start, self._inbox)
         return self._inbox_start, self._inbox[:total]
+
+    def could_know(self, world: int) -> NDArray[np.int32] | None:
+        """(N, N): of which tick of drone j (column) drone i could know by now; None in a mission without faults."""
+        return self._flood.latest[world] if self._flood else None
 
     def advance(
         self,

@@ -221,7 +221,7 @@ class WorldServer:
             awake = self._await(awake, lambda agent: self._answered[agent] >= tick)
         else:
             awake = self._keep_time(tick, started + (tick + 1) * TICK_S)
-        self._watch.tick(tick, awake)
+        self._watch.tick(tick, awake, core.could_know(0))
         core.advance(
             np.array(self._command, np.float64),
             np.array(self._sent_bytes, np.int64),

@@ -5,12 +5,16 @@
     no livelock  in no second are there more swaps than all drones together may make, given their cooldown
 
 A breach is kept with the tick, the drones and the two views, and fails the flight. Measured besides: how long after the
-last fault all living drones had the same view again, and how many swaps were undone by a merge.
+last fault all living drones had the same view again, how long after it they could have had one if every frame that arrived
+had told all its sender knew (world.flood), and how many swaps were undone by a merge.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from protocols.mission import TICK_S
 from protocols.status import SWAP_COUNTS, AgentStatus
@@ -22,11 +26,13 @@ _COMMITTED, _VACATED, _UNDONE = (SWAP_COUNTS.index(name) for name in ("committed
 @dataclass(frozen=True)
 class Watched:
     """What the watch saw in one flight. agreed_after_s: seconds from the last fault (or the start) to the first moment at which
-    all living drones had one view; None if there was none. agreed: whether they had one view at the end."""
+    all living drones had one view; None if there was none. allowed_after_s: the same, had every frame told all; None also where
+    nobody looked. agreed: whether they had one view at the end."""
 
     breach: str | None
     views_differ_s: float
     agreed_after_s: float | None
+    allowed_after_s: float | None
     agreed: bool
     most_swaps_in_a_second: int
     undone: int
@@ -51,11 +57,16 @@ class Watch:
         self._differ_ticks = 0
         self._last_fault = 0
         self._agreed_at: int | None = None
+        self._allowed_at: int | None = None
+        self._news: list[tuple[int, int]] = []  # (drone, tick) of swaps of which not all could know
         self.breach: str | None = None
 
     def see(self, tick: int, agent: int, status: AgentStatus) -> None:
         """A drone's account at this tick; keeps the first breach."""
         self._changed = True
+        before = self._status.get(agent)
+        if _made(status) > (_made(before) if before else 0):
+            self._news.append((agent, tick))
         self._status[agent] = status
         if self.breach:
             return
@@ -73,10 +84,14 @@ class Watch:
     def fault(self, tick: int) -> None:
         """Something was done to the swarm at this tick."""
         self._last_fault = tick
-        self._agreed_at = None
+        self._agreed_at = self._allowed_at = None
 
-    def tick(self, tick: int, living: list[int]) -> None:
-        """Once per tick, after all accounts: ``living`` are the drones that fly and answer."""
+    def tick(self, tick: int, living: list[int], could_know: NDArray[np.int32] | None = None) -> None:
+        """Once per tick, after all accounts: ``living`` are the drones that fly and answer, ``could_know`` as WorldCore's."""
+        if could_know is not None:
+            self._news = [news for news in self._news if not _equal(could_know[living, news[0]], news[1])]
+            if self._allowed_at is None and not self._news:
+                self._allowed_at = tick
         if self._changed or len(living) != self._living:
             views = {self._status[agent].view for agent in living if agent in self._status}
             self._differ = len(views) > 1
@@ -88,7 +103,7 @@ class Watch:
         if not self._changed and not self._recent:
             return
         self._changed = False
-        total = sum(status.swaps[_COMMITTED] + status.swaps[_VACATED] for status in self._status.values())
+        total = sum(_made(status) for status in self._status.values())
         if total > self._swaps:
             self._recent.append((tick, total - self._swaps))
         self._swaps = total
@@ -101,12 +116,25 @@ class Watch:
 
     def result(self) -> Watched:
         """What was seen so far."""
-        after = None if self._agreed_at is None else round((self._agreed_at - self._last_fault) * TICK_S, 2)
         return Watched(
             breach=self.breach,
             views_differ_s=self._differ_ticks * TICK_S,
-            agreed_after_s=after,
+            agreed_after_s=self._since_fault(self._agreed_at),
+            allowed_after_s=self._since_fault(self._allowed_at),
             agreed=not self._differ,
             most_swaps_in_a_second=self._most,
             undone=sum(status.swaps[_UNDONE] for status in self._status.values()),
         )
+
+    def _since_fault(self, tick: int | None) -> float | None:
+        return None if tick is None else round((tick - self._last_fault) * TICK_S, 2)
+
+
+def _made(status: AgentStatus) -> int:
+    return status.swaps[_COMMITTED] + status.swaps[_VACATED]
+
+
+def _equal(latest: NDArray[np.int32], tick: int) -> bool:
+    """Whether all could know of what was done at this tick, or nobody."""
+    told = latest >= tick
+    return bool(told.all() or not told.any())

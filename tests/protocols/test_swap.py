@@ -320,7 +320,7 @@ def test_one_who_does_not_answer_stalls_folding_and_costs_little() -> None:
     rounds(swarm[:5], 60)
     assert all(party.book.open for party in swarm[:5])
     loud = sum(not tell(party, tick=tick).quiet for tick in range(1000, 1100) for party in swarm[:5])
-    assert loud <= 5 * 2 + 5, "one frame in fifty"
+    assert loud <= 5 * 20 + 5, "one frame in five"
     rounds(swarm, 12, tick=2000)
     assert all(party.quiet for party in swarm), "back again, it is no longer waited for"
 

@@ -1,5 +1,6 @@
 """The watch: what it takes for a breach, and what it measures."""
 
+import numpy as np
 import pytest
 
 from protocols.status import SWAP_COUNTS, AgentStatus
@@ -120,3 +121,19 @@ def test_swaps_turned_off_by_a_merge_are_added_up() -> None:
     watch.see(0, 1, account(FIRST, 7, undone=1))
     watch.see(5, 1, account(FIRST, 7, undone=3))
     assert watch.result().undone == 5
+
+
+def test_what_the_radio_allowed_is_timed_beside_what_the_drones_made_of_it() -> None:
+    """Drone 0 swaps at tick 20, when the radio heals; drone 2 could know at tick 24, and learns of it at tick 32."""
+    watch = watch_of((FIRST, 7), (FIRST, 7), (FIRST, 7))
+    for tick in range(50):
+        could_know = np.full((3, 3), tick)
+        could_know[2] = tick if tick >= 24 else 0
+        if tick == 20:
+            watch.fault(tick)
+        for agent, when in ((0, 20), (1, 21), (2, 32)):
+            if tick == when:
+                watch.see(tick, agent, account(SWAPPED, 8, committed=int(agent == 0)))
+        watch.tick(tick, ALL, could_know)
+    assert watch.result().allowed_after_s == pytest.approx(0.04)
+    assert watch.result().agreed_after_s == pytest.approx(0.12)
