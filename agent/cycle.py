@@ -25,7 +25,7 @@ def _aim_and_observe(
         row, work.me[row], rules.chain, sensed, memory, shape.offsets, shape.parent, views.slot_of, views.occupant,
         work.chain_error, work.slot_error,
     )  # fmt: skip
-    observe_row(row, rules.reach_m, sensed, memory, work.slot_error, work.observation)
+    observe_row(row, rules.reach_m, sensed, memory, work.slot_error, work.observation[row])
 
 
 @inlined_kernel

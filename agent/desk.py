@@ -4,13 +4,11 @@ Handing a kernel a hundred arrays one by one costs more than the kernel; a `Desk
 single pointer. In Python the same arrays are reached through the named tuples it was made of.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
-from numba.core import cgutils
 from numba.experimental import structref
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from agent.control.gains import SafetyLimits
@@ -18,7 +16,7 @@ from agent.memory import Memory
 from protocols import trigger
 from protocols.formation import NO_PARENT
 from protocols.frames import OBSERVATION_SIZE, Frames
-from protocols.kernels import kernel
+from protocols.kernels import borrowed, kernel
 from protocols.mission import TICK_S, Mission
 from protocols.sensed import Sensed
 
@@ -101,38 +99,18 @@ class Desk(structref.StructRefProxy):  # type: ignore[misc]
 structref.define_proxy(Desk, _DeskType, ["rules", "shape", "views", "work", "sensed", "frames", "memory"])
 
 
-_intrinsic: Any = intrinsic  # numba's annotations know nothing of what it makes of a function
-
-
-@_intrinsic
-def _borrowed(typing: Any, group: Any) -> Any:
-    """A named tuple of arrays whose references nobody counts: counting them in kernels costs more than the rules do."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        lent = []
-        for index, kind in enumerate(group.types):
-            value = builder.extract_value(arguments[0], index)
-            array = context.make_array(kind)(context, builder, value)
-            array.meminfo = cgutils.get_null_value(array.meminfo.type)
-            array.parent = cgutils.get_null_value(array.parent.type)
-            lent.append(array._getvalue())
-        return context.make_tuple(builder, group, lent)
-
-    return group(group), generate
-
-
 @kernel
 def _lay_out(
     rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> Desk:
     return Desk(
         rules,
-        _borrowed(shape),
-        _borrowed(views),
-        _borrowed(work),
-        _borrowed(sensed),
-        _borrowed(frames),
-        _borrowed(memory),
+        borrowed(shape),
+        borrowed(views),
+        borrowed(work),
+        borrowed(sensed),
+        borrowed(frames),
+        borrowed(memory),
     )
 
 

@@ -11,6 +11,7 @@ on the map the drone is.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ from protocols.formation import NO_PARENT
 from protocols.kernels import inlined_kernel
 from protocols.relative import UNKNOWN
 from protocols.sensed import Sensed
+
+WIDE_SIZE = 24
+WIDE_REACH_M = 10.0
 
 
 @inlined_kernel
@@ -56,14 +60,57 @@ def aim_row(
 
 
 @inlined_kernel
-def _two_nearest(distance: NDArray[np.float64], count: int) -> tuple[int, int]:
-    first, second = -1, -1
-    for index in range(count):
-        if first < 0 or distance[index] < distance[first]:
-            first, second = index, first
-        elif second < 0 or distance[index] < distance[second]:
-            second = index
-    return first, second
+def _obstacle_gap(row: int, index: int, memory: Memory) -> float:
+    centre: float = math.hypot(memory.obstacle_rel[row, index, 0], memory.obstacle_rel[row, index, 1])
+    return centre - float(memory.obstacle_radius[row, index])
+
+
+@inlined_kernel
+def _obstacles(row: int, count: int, reach: float, memory: Memory, x: NDArray[Any], place: int) -> None:
+    """The ``count`` nearest obstacles within ``reach`` [m] of the surface, nearest first: normal x s (2), radius x s."""
+    last, last_gap = -1, -np.inf
+    for _ in range(count):
+        best, best_gap = -1, reach
+        for index in range(memory.disc_count[row]):
+            gap = _obstacle_gap(row, index, memory)
+            if gap < best_gap and (gap > last_gap or (gap == last_gap and index > last)):
+                best, best_gap = index, gap
+        if best < 0:
+            break
+        rel, radius = memory.obstacle_rel[row, best], memory.obstacle_radius[row, best]
+        s = min((reach - best_gap) / reach, 1.0)
+        centre = max(math.hypot(rel[0], rel[1]), 1e-9)
+        x[place], x[place + 1], x[place + 2] = -rel[0] / centre * s, -rel[1] / centre * s, radius * s
+        last, last_gap = best, best_gap
+        place += 3
+
+
+@inlined_kernel
+def _neighbours(row: int, count: int, reach: float, memory: Memory, x: NDArray[Any], place: int) -> None:
+    """The ``count`` nearest neighbours within ``reach`` [m], nearest first: normal x s (2), relative velocity x s/2 (2)."""
+    last, last_gap = -1, -np.inf
+    for _ in range(count):
+        best, best_gap = -1, reach
+        for index in range(memory.near_count[row]):
+            gap = math.hypot(memory.near_rel[row, index, 0], memory.near_rel[row, index, 1])
+            if gap < best_gap and (gap > last_gap or (gap == last_gap and index > last)):
+                best, best_gap = index, gap
+        if best < 0:
+            break
+        rel, vel = memory.near_rel[row, best], memory.near_vel[row, best]
+        s = (reach - best_gap) / reach
+        centre = max(best_gap, 1e-9)
+        x[place], x[place + 1] = -rel[0] / centre * s, -rel[1] / centre * s
+        x[place + 2], x[place + 3] = 0.5 * vel[0] * s, 0.5 * vel[1] * s
+        last, last_gap = best, best_gap
+        place += 4
+
+
+@inlined_kernel
+def compressed(x: float, y: float) -> tuple[float, float]:
+    """An error [m] as policies see it: e / (1 + |e|/2), which tells direction far away and distance nearby."""
+    scale = 1.0 / (1.0 + 0.5 * math.hypot(x, y))
+    return x * scale, y * scale
 
 
 @inlined_kernel
@@ -73,35 +120,24 @@ def observe_row(
     sensed: Sensed,
     memory: Memory,
     slot_error: NDArray[np.float64],
-    observation: NDArray[np.float64],
+    x: NDArray[Any],
 ) -> None:
-    """Fill observation[row] (18,); ``reach`` is the sensing range [m]."""
-    x = observation[row]
-    x[:] = 0.0
-    ex, ey = slot_error[row, 0], slot_error[row, 1]
-    compress = 1.0 / (1.0 + 0.5 * math.hypot(ex, ey))
+    """Fill ``x`` (18,) of any float type; ``reach`` is the sensing range [m]."""
     motion = sensed.motion[row]
-    x[0], x[1] = ex * compress, ey * compress
+    x[:] = 0.0
+    x[0], x[1] = compressed(slot_error[row, 0], slot_error[row, 1])
     x[2], x[3] = 0.5 * (motion[2] - motion[6]), 0.5 * (motion[3] - motion[7])
-    distance = np.empty(max(memory.near_rel.shape[1], memory.obstacle_rel.shape[1]))
-    for index in range(memory.disc_count[row]):
-        rel = memory.obstacle_rel[row, index]
-        distance[index] = math.hypot(rel[0], rel[1]) - memory.obstacle_radius[row, index]
-    place = 4
-    for index in _two_nearest(distance, memory.disc_count[row]):
-        if index >= 0 and distance[index] < reach:
-            rel, radius = memory.obstacle_rel[row, index], memory.obstacle_radius[row, index]
-            s = min((reach - distance[index]) / reach, 1.0)
-            centre = max(math.hypot(rel[0], rel[1]), 1e-9)
-            x[place], x[place + 1], x[place + 2] = -rel[0] / centre * s, -rel[1] / centre * s, radius * s
-        place += 3
-    for index in range(memory.near_count[row]):
-        distance[index] = math.hypot(memory.near_rel[row, index, 0], memory.near_rel[row, index, 1])
-    for index in _two_nearest(distance, memory.near_count[row]):
-        if index >= 0 and distance[index] < reach:
-            rel, vel = memory.near_rel[row, index], memory.near_vel[row, index]
-            s = (reach - distance[index]) / reach
-            centre = max(distance[index], 1e-9)
-            x[place], x[place + 1] = -rel[0] / centre * s, -rel[1] / centre * s
-            x[place + 2], x[place + 3] = 0.5 * vel[0] * s, 0.5 * vel[1] * s
-        place += 4
+    _obstacles(row, 2, reach, memory, x, 4)
+    _neighbours(row, 2, reach, memory, x, 10)
+
+
+@inlined_kernel
+def observe_wide_row(row: int, reach: float, memory: Memory, x: NDArray[Any]) -> None:
+    """Fill ``x`` (24,): more of the same for a drone's own use, not broadcast.
+
+    0:12   the four nearest obstacles out to `WIDE_REACH_M` (those out of sight are remembered), as above
+    12:24  the three nearest neighbours, as above
+    """
+    x[:] = 0.0
+    _obstacles(row, 4, WIDE_REACH_M, memory, x, 0)
+    _neighbours(row, 3, reach, memory, x, 12)

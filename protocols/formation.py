@@ -37,6 +37,13 @@ class Formation:
         return len(self.parent)
 
     @property
+    def is_leaf(self) -> NDArray[np.bool_]:
+        """(N,) slots that lead no other."""
+        leaf = np.ones(len(self.parent), np.bool_)
+        leaf[self.parent[self.parent != NO_PARENT]] = False
+        return leaf
+
+    @property
     def edges(self) -> list[tuple[int, int]]:
         """(parent, child) slots of every tree edge."""
         return [(int(parent), child) for child, parent in enumerate(self.parent) if parent != NO_PARENT]

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config
+from numba.core import cgutils, config
+from numba.extending import intrinsic
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
 _KEPT_CACHES = 4
@@ -70,3 +71,25 @@ def inlined_kernel(function: F) -> F:
     than the rule. Not for kernels that allocate.
     """
     return cast(F, numba.njit(cache=True, error_model="numpy", forceinline=True)(function))
+
+
+_intrinsic: Any = intrinsic  # numba's annotations know nothing of what it makes of a function
+
+
+@_intrinsic  # type: ignore[untyped-decorator]
+def borrowed(typing: Any, group: Any) -> Any:
+    """For use in kernels: a named tuple of arrays, the same ones, whose references nobody counts.
+
+    Counting them at every use costs more than most rules do. The caller keeps the arrays alive.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        lent = []
+        for index, kind in enumerate(group.types):
+            array = context.make_array(kind)(context, builder, builder.extract_value(arguments[0], index))
+            array.meminfo = cgutils.get_null_value(array.meminfo.type)
+            array.parent = cgutils.get_null_value(array.parent.type)
+            lent.append(array._getvalue())
+        return context.make_tuple(builder, group, lent)
+
+    return group(group), generate

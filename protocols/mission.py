@@ -4,7 +4,7 @@ A mission file is YAML with the fields below; every field has a default, so an e
 (docs/task.md). Units are in the names. A wrong mission is refused with the field and what would be right.
 """
 
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -128,6 +128,21 @@ class SwapSpec(_Section):
     silent_s: Positive = Field(4.0, description="a drone unheard by everyone for this long has left its slot")
 
 
+class Trajectory(_Section):
+    """How a planned trajectory is flown; policies that plan nothing ignore it. ``required`` is the paper's inverse dynamics;
+    ``blend`` its fusion with the reactive controller when something is nearer than ``blend_radius_m``."""
+
+    tracking: Literal["smooth", "required"] = Field(
+        "smooth",
+        description="smooth: the plan's own acceleration, corrected; required: the paper's a_req",
+    )
+    blend: bool = Field(True, description="the nearer an obstacle or drone, the more the reactive controller")
+    blend_radius_m: Positive = 1.5
+    replan_ticks: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="ticks from plan to plan; none: as the policy's model says"
+    )
+
+
 class Fault(_Section):
     """Something that happens to the swarm at a given time."""
 
@@ -158,6 +173,17 @@ class Fault(_Section):
         return self
 
 
+@lru_cache(maxsize=64)  # missions that differ in their seeds share it
+def _plan(spec: FormationSpec, agents: int) -> Formation:
+    if spec.shape == "custom":
+        points = shape_points("line", agents, spec.spacing_m)
+        points[:] = spec.slots_m
+    else:
+        shape = default_shape(agents) if spec.shape == "auto" else spec.shape
+        points = shape_points(shape, agents, spec.spacing_m)
+    return build_formation(points, spec.spacing_m)
+
+
 class Mission(_Section):
     """One flight: who flies, in which formation, where, with which radio, and what goes wrong when."""
 
@@ -178,6 +204,7 @@ class Mission(_Section):
     radio: Radio = Radio()
     sensing: Sensing = Sensing()
     swap: SwapSpec = SwapSpec()
+    trajectory: Trajectory = Trajectory()
     faults: tuple[Fault, ...] = ()
     map_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -198,17 +225,10 @@ class Mission(_Section):
         """Ticks from one frame of a drone to its next."""
         return max(1, round(1 / (self.radio.frame_rate_hz * TICK_S)))
 
-    @cached_property
+    @property
     def plan(self) -> Formation:
         """The formation's slots and tree."""
-        spec = self.formation
-        if spec.shape == "custom":
-            points = shape_points("line", self.agents, spec.spacing_m)
-            points[:] = spec.slots_m
-        else:
-            shape = default_shape(self.agents) if spec.shape == "auto" else spec.shape
-            points = shape_points(shape, self.agents, spec.spacing_m)
-        return build_formation(points, spec.spacing_m)
+        return _plan(self.formation, self.agents)
 
     @model_validator(mode="after")
     def _flyable(self) -> "Mission":

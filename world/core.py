@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.formation import NO_PARENT
 from protocols.mission import TICK_S, Fault, Mission
 from protocols.sensed import MAX_OBSTACLES, Sensed, empty_sensed
 from world import field, medium, physics, referee
@@ -107,8 +106,7 @@ class WorldCore:
         self._sizes = np.zeros((worlds, self._link.longest + 1, agents), np.int64)
         self._inbox_start = np.zeros(worlds * agents + 1, np.int64)
         self._inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
-        self._is_leaf = np.ones(agents, np.bool_)
-        self._is_leaf[[parent for parent in self.plan.parent if parent != NO_PARENT]] = False
+        self._is_leaf = self.plan.is_leaf
         self._closest = np.full(worlds, np.inf)
         self._closest_text = ["nobody came near anybody"] * worlds
         self._overlap_ticks = np.zeros(worlds)
@@ -234,38 +232,33 @@ class WorldCore:
         self.target[self.active] = mission.target.speed_mps * TICK_S * self.tick[self.active]
         referee.judge(
             self.active, self.flying, self.position, self.claim, self.target, self.goal_x, self.obstacle_count, self.obstacles,
-            self.plan.offsets, self.plan.parent, self._is_leaf, self.plan.spacing, self.nearest, self.edge_error, self.verdict,
+            self.plan.offsets, self.plan.parent, self._is_leaf, self.plan.spacing, mission.edge_tolerance, limits.collision_m,
+            self.nearest, self.edge_error, self.verdict,
         )  # fmt: skip
         return self._settle()
 
     def _settle(self) -> list[int]:
         mission = self.missions[0]
-        ended = []
-        closest = np.minimum(
-            self.verdict[:, referee.CLOSEST_AGENTS], self.verdict[:, referee.CLOSEST_OBSTACLE]
-        )
-        standing = (
-            (self.verdict[:, referee.COMPLETE] > 0)
-            & (self.verdict[:, referee.EDGE_ERROR] < mission.edge_tolerance)
-            & self.flying.any(axis=1)
-        )
-        self._formed_tick = np.where(standing & (self._formed_tick < 0), self.tick, self._formed_tick)
-        formed = standing & (self.verdict[:, referee.PASSED] > 0)
+        ended: list[int] = []
         hold_ticks = round(mission.hold_s / TICK_S)
         for world in np.flatnonzero(self.active).tolist():
-            verdict = self.verdict[world]
+            verdict = self.verdict[world].tolist()
+            formed = verdict[referee.FORMED] > 0
             self._hash(world)
             self._overlap_ticks[world] += verdict[referee.SHARED_SLOTS]
-            if closest[world] < self._closest[world]:
-                self._closest[world] = closest[world]
+            closest = min(verdict[referee.CLOSEST_AGENTS], verdict[referee.CLOSEST_OBSTACLE])
+            if closest < self._closest[world]:
+                self._closest[world] = closest
                 self._closest_text[world] = self._describe_closest(world)
-            if self._tau_tick[world] < 0 and formed[world]:
+            if self._formed_tick[world] < 0 and verdict[referee.STANDING] > 0:
+                self._formed_tick[world] = self.tick[world]
+            if self._tau_tick[world] < 0 and formed:
                 self._tau_tick[world] = self.tick[world]
                 self._at_tau[world] = verdict
             elif self._tau_tick[world] >= 0:
-                self._held[world] &= formed[world]
+                self._held[world] &= formed
             failure = None
-            if closest[world] < mission.limits.collision_m:
+            if verdict[referee.COLLIDED] > 0:
                 failure = "collision"
             elif self._tau_tick[world] < 0 and self.tick[world] >= mission.ticks:
                 failure = "late"

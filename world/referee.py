@@ -14,12 +14,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.formation import NO_PARENT
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel, kernel
 
 # Columns of a verdict: one row of floats per world and tick.
 (CLOSEST_AGENTS, AGENT_A, AGENT_B, CLOSEST_OBSTACLE, AGENT_C, OBSTACLE, EDGE_ERROR, EDGE_CHILD, SLOT_ERROR, COMPLETE, PASSED,
- SHARED_SLOTS) = range(12)  # fmt: skip
-VERDICT_SIZE = 12
+ SHARED_SLOTS, STANDING, FORMED, COLLIDED) = range(15)  # fmt: skip
+VERDICT_SIZE = 15
+
+
+@inlined_kernel
+def judge_world(
+    world: int,
+    flying: NDArray[np.bool_],
+    position: NDArray[np.float64],
+    claim: NDArray[np.int16],
+    target_x: float,
+    goal_x: NDArray[np.float64],
+    obstacle_count: NDArray[np.int64],
+    obstacles: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+    parent: NDArray[np.int16],
+    is_leaf: NDArray[np.bool_],
+    spacing: float,
+    edge_tolerance: float,
+    collision_m: float,
+    holder: NDArray[np.int64],
+    nearest: NDArray[np.float64],
+    edge_error: NDArray[np.float64],
+    verdict: NDArray[np.float64],
+) -> None:
+    """Measure one world after a tick; arguments as `judge`. ``holder`` (N,): scratch. ``target_x``: the virtual target [m]."""
+    agents = flying.shape[1]
+    result = verdict[world]
+    result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE] = np.inf, np.inf
+    result[EDGE_ERROR], result[EDGE_CHILD], result[SLOT_ERROR] = 0.0, -1, 0.0
+    result[COMPLETE], result[PASSED], result[SHARED_SLOTS] = 1.0, 1.0, 0.0
+    nearest[world], edge_error[world], holder[:] = np.inf, 0.0, -1
+    anyone = False
+    for agent in range(agents):
+        if not flying[world, agent]:
+            continue
+        anyone = True
+        px, py = position[world, agent, 0], position[world, agent, 1]
+        for other in range(agent + 1, agents):
+            if flying[world, other]:
+                gap = math.sqrt((position[world, other, 0] - px) ** 2 + (position[world, other, 1] - py) ** 2)
+                nearest[world, agent] = min(nearest[world, agent], gap)
+                nearest[world, other] = min(nearest[world, other], gap)
+                if gap < result[CLOSEST_AGENTS]:
+                    result[CLOSEST_AGENTS], result[AGENT_A], result[AGENT_B] = gap, agent, other
+        for index in range(obstacle_count[world]):
+            disc = obstacles[world, index]
+            gap = math.sqrt((disc[0] - px) ** 2 + (disc[1] - py) ** 2) - disc[2]
+            nearest[world, agent] = min(nearest[world, agent], gap)
+            if gap < result[CLOSEST_OBSTACLE]:
+                result[CLOSEST_OBSTACLE], result[AGENT_C], result[OBSTACLE] = gap, agent, index
+        if px <= goal_x[world]:
+            result[PASSED] = 0.0
+        slot = claim[world, agent]
+        if holder[slot] >= 0:
+            result[SHARED_SLOTS] += 1.0
+            result[COMPLETE] = 0.0
+        holder[slot] = agent
+        wide = math.sqrt((target_x + offsets[slot, 0] - px) ** 2 + (offsets[slot, 1] - py) ** 2)
+        result[SLOT_ERROR] = max(result[SLOT_ERROR], wide)
+    for slot in range(agents):
+        follower = holder[slot]
+        if follower < 0:
+            if not is_leaf[slot]:
+                result[COMPLETE] = 0.0
+            continue
+        if parent[slot] == NO_PARENT or holder[parent[slot]] < 0:
+            continue
+        leader = holder[parent[slot]]
+        dx = position[world, follower, 0] - position[world, leader, 0]
+        dy = position[world, follower, 1] - position[world, leader, 1]
+        error = abs(math.sqrt(dx * dx + dy * dy) - spacing) / spacing
+        edge_error[world, follower] = error
+        if error > result[EDGE_ERROR]:
+            result[EDGE_ERROR], result[EDGE_CHILD] = error, follower
+    stands = anyone and result[COMPLETE] > 0.0 and result[EDGE_ERROR] < edge_tolerance
+    result[STANDING] = 1.0 if stands else 0.0
+    result[FORMED] = 1.0 if stands and result[PASSED] > 0.0 else 0.0
+    result[COLLIDED] = 1.0 if min(result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE]) < collision_m else 0.0
 
 
 @kernel
@@ -36,6 +113,8 @@ def judge(
     parent: NDArray[np.int16],
     is_leaf: NDArray[np.bool_],
     spacing: float,
+    edge_tolerance: float,
+    collision_m: float,
     nearest: NDArray[np.float64],
     edge_error: NDArray[np.float64],
     verdict: NDArray[np.float64],
@@ -48,58 +127,13 @@ def judge(
         edge_error: (E, N) out: relative length error of the edge to the leader's slot, 0 for the root's holder.
         verdict: (E, VERDICT_SIZE) out: closest pair of drones [m, who, who]; closest obstacle surface [m, who, which]; worst
             relative edge error and the agent at its follower end; worst distance from virtual target + slot offset [m];
-            1 if all slots but empty leaves are held; 1 if all have passed the goal line; slots claimed more than once.
+            1 if all slots but empty leaves are held; 1 if all have passed the goal line; slots claimed more than once; 1 if
+            the formation stands; 1 if it stands beyond the goal line, which is success; 1 if anything collided.
     """
-    worlds, agents = flying.shape
-    holder = np.empty(agents, np.int64)
-    for world in range(worlds):
-        if not active[world]:
-            continue
-        result = verdict[world]
-        result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE] = np.inf, np.inf
-        result[EDGE_ERROR], result[EDGE_CHILD], result[SLOT_ERROR] = 0.0, -1, 0.0
-        result[COMPLETE], result[PASSED], result[SHARED_SLOTS] = 1.0, 1.0, 0.0
-        nearest[world], edge_error[world], holder[:] = np.inf, 0.0, -1
-        for agent in range(agents):
-            if not flying[world, agent]:
-                continue
-            px, py = position[world, agent, 0], position[world, agent, 1]
-            for other in range(agent + 1, agents):
-                if flying[world, other]:
-                    gap = math.sqrt(
-                        (position[world, other, 0] - px) ** 2 + (position[world, other, 1] - py) ** 2
-                    )
-                    nearest[world, agent] = min(nearest[world, agent], gap)
-                    nearest[world, other] = min(nearest[world, other], gap)
-                    if gap < result[CLOSEST_AGENTS]:
-                        result[CLOSEST_AGENTS], result[AGENT_A], result[AGENT_B] = gap, agent, other
-            for index in range(obstacle_count[world]):
-                disc = obstacles[world, index]
-                gap = math.sqrt((disc[0] - px) ** 2 + (disc[1] - py) ** 2) - disc[2]
-                nearest[world, agent] = min(nearest[world, agent], gap)
-                if gap < result[CLOSEST_OBSTACLE]:
-                    result[CLOSEST_OBSTACLE], result[AGENT_C], result[OBSTACLE] = gap, agent, index
-            if px <= goal_x[world]:
-                result[PASSED] = 0.0
-            slot = claim[world, agent]
-            if holder[slot] >= 0:
-                result[SHARED_SLOTS] += 1.0
-                result[COMPLETE] = 0.0
-            holder[slot] = agent
-            wide = math.sqrt((target[world] + offsets[slot, 0] - px) ** 2 + (offsets[slot, 1] - py) ** 2)
-            result[SLOT_ERROR] = max(result[SLOT_ERROR], wide)
-        for slot in range(agents):
-            follower = holder[slot]
-            if follower < 0:
-                if not is_leaf[slot]:
-                    result[COMPLETE] = 0.0
-                continue
-            if parent[slot] == NO_PARENT or holder[parent[slot]] < 0:
-                continue
-            leader = holder[parent[slot]]
-            dx = position[world, follower, 0] - position[world, leader, 0]
-            dy = position[world, follower, 1] - position[world, leader, 1]
-            error = abs(math.sqrt(dx * dx + dy * dy) - spacing) / spacing
-            edge_error[world, follower] = error
-            if error > result[EDGE_ERROR]:
-                result[EDGE_ERROR], result[EDGE_CHILD] = error, follower
+    holder = np.empty(flying.shape[1], np.int64)
+    for world in range(flying.shape[0]):
+        if active[world]:
+            judge_world(
+                world, flying, position, claim, target[world], goal_x, obstacle_count, obstacles, offsets, parent, is_leaf,
+                spacing, edge_tolerance, collision_m, holder, nearest, edge_error, verdict,
+            )  # fmt: skip

@@ -63,4 +63,7 @@ class SafetyLimits(NamedTuple):
 
 
 GAINS = Gains()
+REACTIVE = GAINS._replace(
+    chain_pull=0.0, chain_damping=0.0
+)  # what is left for the moment: slot, obstacles, agents
 LIMITS = SafetyLimits()

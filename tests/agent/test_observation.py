@@ -36,7 +36,7 @@ def observe(
         memory.near_rel[0, index], memory.near_vel[0, index] = (x, y), (vx, vy)
         memory.near_count[0] = index + 1
     observation = np.full((1, 18), 99.0)
-    observe_row(0, REACH, sensed, memory, np.array([error]), observation)
+    observe_row(0, REACH, sensed, memory, np.array([error]), observation[0])
     return observation[0]
 
 

@@ -1,0 +1,115 @@
+"""Flying a planned trajectory: one tick's acceleration from a plan made some ticks ago.
+
+A plan is where the drone was and how it moved when it was made, p0 and v0, and for each tick h = 0 ... H-1 a displacement
+d^h from flying on at v0 and an acceleration a^h:
+
+    p_ref(h) = p0 + v0 h dt + d^{h-1}   (p0 at h = 0)        v_ref(h) = v0 + dt sum_{k<h} a^k
+
+It is tracked smoothly or, as in the paper, by the acceleration that reaches the next point within one tick
+(agent.control.tracking); near other things the reactive controller takes over (agent.control.fusion).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.control.fusion import apf_blend
+from agent.control.gains import REACTIVE
+from agent.control.tracking import required_acceleration, smooth_acceleration
+from agent.policy.analytic_kernel import analytic
+from protocols.kernels import inlined_kernel
+from protocols.mission import TICK_S, Trajectory
+
+
+class Following(NamedTuple):
+    """How plans are flown: by the paper's a_req or smoothly; the distance at which the blend begins [m], 0 for none."""
+
+    required: bool
+    blend_radius_m: float
+
+
+def following_of(trajectory: Trajectory) -> Following:
+    """A mission's section as kernels need it."""
+    return Following(
+        trajectory.tracking == "required", trajectory.blend_radius_m if trajectory.blend else 0.0
+    )
+
+
+@inlined_kernel
+def track_row(
+    age: int,
+    start: NDArray[np.float64],
+    displacement: NDArray[np.float32],
+    acceleration: NDArray[np.float32],
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    required: bool,
+) -> tuple[float, float]:
+    """Acceleration [m/s²] that keeps a drone on a plan made ``age`` ticks ago, 0 <= age < P.
+
+    ``start`` (4,): p0 [m], v0 [m/s]; ``displacement`` [m], ``acceleration`` [m/s²] (P, 2): the plan; ``position`` [m],
+    ``velocity`` [m/s] (2,): now.
+    """
+    p_x, p_y = start[0] - position[0], start[1] - position[1]
+    if required:
+        ahead = (age + 1) * TICK_S
+        r_x = p_x + start[2] * ahead + displacement[age, 0]
+        r_y = p_y + start[3] * ahead + displacement[age, 1]
+        return required_acceleration(r_x, r_y, velocity[0], velocity[1], TICK_S)
+    w_x, w_y = start[2] - velocity[0], start[3] - velocity[1]
+    for step in range(age):
+        w_x += acceleration[step, 0] * TICK_S
+        w_y += acceleration[step, 1] * TICK_S
+    if age > 0:
+        p_x += start[2] * age * TICK_S + displacement[age - 1, 0]
+        p_y += start[3] * age * TICK_S + displacement[age - 1, 1]
+    return smooth_acceleration(p_x, p_y, w_x, w_y, acceleration[age, 0], acceleration[age, 1])
+
+
+@inlined_kernel
+def _nearest(
+    k: int, rel: NDArray[np.float64], m: int, o_rel: NDArray[np.float64], o_radius: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Distance [m] to the nearest agent and to the nearest obstacle's surface; inf where there is none."""
+    r_agent, r_obs = math.inf, math.inf
+    for j in range(k):
+        r_agent = min(r_agent, math.sqrt(rel[j, 0] * rel[j, 0] + rel[j, 1] * rel[j, 1]))
+    for i in range(m):
+        r_obs = min(r_obs, math.sqrt(o_rel[i, 0] * o_rel[i, 0] + o_rel[i, 1] * o_rel[i, 1]) - o_radius[i])
+    return r_agent, r_obs
+
+
+@inlined_kernel
+def follow_row(
+    age: int,
+    start: NDArray[np.float64],
+    displacement: NDArray[np.float32],
+    acceleration: NDArray[np.float32],
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    slot_error: NDArray[np.float64],
+    target_velocity: NDArray[np.float64],
+    k: int,
+    rel: NDArray[np.float64],
+    vel: NDArray[np.float64],
+    m: int,
+    o_rel: NDArray[np.float64],
+    o_radius: NDArray[np.float64],
+    o_side: NDArray[np.int8],
+    following: Following,
+) -> tuple[float, float]:
+    """Wanted acceleration [m/s²] of one drone that flies a plan made ``age`` ticks ago, not yet limited.
+
+    The plan is as in `track_row`, what is around as in `agent.policy.analytic_kernel.analytic`; ``o_side`` is updated where
+    the reactive controller counts.
+    """
+    a_x, a_y = track_row(age, start, displacement, acceleration, position, velocity, following.required)
+    r_agent, r_obs = _nearest(k, rel, m, o_rel, o_radius)
+    if min(r_agent, r_obs) >= following.blend_radius_m:
+        return a_x, a_y
+    apf_x, apf_y = analytic(
+        slot_error, slot_error, velocity, target_velocity, k, rel, vel, m, o_rel, o_radius, o_side, REACTIVE
+    )
+    return apf_blend(a_x, a_y, apf_x, apf_y, r_agent, r_obs, following.blend_radius_m)

@@ -1,0 +1,99 @@
+"""Plans are flown as they were made: tracked tick by tick, and left to the reactive controller near other things."""
+
+import numpy as np
+import pytest
+
+from agent.control.follow import Following, follow_row, following_of, track_row
+from agent.control.gains import REACTIVE
+from agent.policy.analytic_kernel import analytic
+from protocols.dynamics import integrate
+from protocols.mission import TICK_S, Trajectory, parse_mission
+
+SMOOTH = Following(required=False, blend_radius_m=0.0)
+REQUIRED = Following(required=True, blend_radius_m=0.0)
+START = np.array([2.0, -1.0, 3.0, 0.5])
+
+
+def curve(ticks: int) -> tuple[np.ndarray, np.ndarray]:
+    """A plan that turns: its displacements from flying straight on, and its accelerations."""
+    acceleration = np.array([[np.cos(0.1 * h), np.sin(0.1 * h)] for h in range(ticks)], np.float32)
+    displacement = np.zeros((ticks, 2))
+    place, speed = np.zeros(2), np.zeros(2)
+    for h, a in enumerate(acceleration.astype(float)):
+        place, speed = place + TICK_S * (speed + 0.5 * a * TICK_S), speed + a * TICK_S
+        displacement[h] = place
+    return displacement.astype(np.float32), acceleration
+
+
+def planned(displacement: np.ndarray, h: int) -> np.ndarray:
+    """Where the plan is after tick h."""
+    return START[:2] + START[2:] * (h + 1) * TICK_S + displacement[h]
+
+
+@pytest.mark.parametrize("required", [False, True])
+def test_a_drone_on_its_plan_stays_on_it(required: bool) -> None:
+    displacement, acceleration = curve(20)
+    state = tuple(START)
+    for h in range(20):
+        a = track_row(
+            h, START, displacement, acceleration, np.array(state[:2]), np.array(state[2:]), required
+        )
+        if not required:
+            assert a == pytest.approx(acceleration[h], abs=1e-4)
+        state = integrate(*state, *a, 10.0, 10.0, TICK_S)
+        assert state[:2] == pytest.approx(planned(displacement, h), abs=1e-6)
+
+
+def test_a_drone_that_was_pushed_off_its_plan_comes_back_smoothly() -> None:
+    displacement, acceleration = curve(200)
+    state = (START[0], START[1] + 0.1, START[2], START[3])
+    for h in range(200):
+        a = track_row(h, START, displacement, acceleration, np.array(state[:2]), np.array(state[2:]), False)
+        assert np.hypot(*a) < 4.0
+        state = integrate(*state, *a, 10.0, 10.0, TICK_S)
+    assert state[:2] == pytest.approx(planned(displacement, 199), abs=1e-3)
+
+
+def test_the_papers_form_is_at_the_next_point_one_tick_later() -> None:
+    displacement, acceleration = curve(20)
+    off = (START[0], START[1] + 0.001, START[2], START[3])
+    a = track_row(0, START, displacement, acceleration, np.array(off[:2]), np.array(off[2:]), True)
+    x, y, *_ = integrate(*off, *a, 1e9, 1e9, TICK_S)
+    assert (x, y) == pytest.approx(planned(displacement, 0), abs=1e-9)
+
+
+def follow(
+    following: Following, neighbours: list[tuple[float, float]], discs: list[tuple[float, float, float]]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """What a drone that plans to fly straight on does amid these, and what the reactive controller alone would do."""
+    still = np.zeros((5, 2), np.float32)
+    rel, vel = np.array(neighbours).reshape(-1, 2), np.zeros((len(neighbours), 2))
+    table = np.array(discs, float).reshape(-1, 3)
+    o_rel, o_radius, o_side = table[:, :2].copy(), table[:, 2].copy(), np.zeros(len(discs), np.int8)
+    slot_error, target_velocity = np.array([1.0, 0.5]), np.array([3.0, 0.0])
+    around = (len(rel), rel, vel, len(table), o_rel, o_radius)
+    wanted = follow_row(
+        0, START, still, still, START[:2], START[2:], slot_error, target_velocity, *around, o_side, following
+    )
+    o_side = np.zeros(len(discs), np.int8)
+    reactive = analytic(slot_error, slot_error, START[2:], target_velocity, *around, o_side, REACTIVE)
+    return wanted, reactive
+
+
+def test_the_nearer_the_next_thing_the_more_the_reactive_controller_counts() -> None:
+    blend = following_of(Trajectory())
+    assert follow(blend, [(0.0, 3.0)], [(4.0, 0.0, 2.0)])[0] == (0.0, 0.0)
+    wanted, reactive = follow(blend, [(0.0, 0.75)], [])
+    assert wanted == pytest.approx(tuple(0.5 * a for a in reactive))
+    wanted, reactive = follow(blend, [(0.0, 3.0)], [(2.5, 0.0, 2.0)])
+    assert wanted == pytest.approx(tuple(2 / 3 * a for a in reactive))
+
+
+def test_without_the_blend_only_the_plan_counts() -> None:
+    alone = following_of(Trajectory(blend=False))
+    assert follow(alone, [(0.0, 0.6)], [(2.5, 0.0, 2.0)])[0] == (0.0, 0.0)
+
+
+def test_a_mission_says_how_plans_are_flown() -> None:
+    mission = parse_mission({"trajectory": {"tracking": "required", "blend_radius_m": 2.0}})
+    assert following_of(mission.trajectory) == Following(required=True, blend_radius_m=2.0)
