@@ -1,12 +1,13 @@
 """What a training keeps in its folder, so that it goes on after a stop as if there had been none.
 
-    checkpoint.pt          weights, optimizer and curve after the last whole epoch
-    samples/epoch-0003.pt  the graphs flown in an epoch, as long as the replay holds any of them
-    curve.jsonl            one line of scalars per epoch; events.* are the same for TensorBoard
-    model.onnx             at the end
+checkpoint.pt          weights, optimizer and curve after the last whole epoch
+samples/epoch-0003.pt  the graphs flown in an epoch, as long as the replay holds any of them
+curve.jsonl            one line of scalars per epoch; events.* are the same for TensorBoard
+model.onnx             at the end
 """
 
 import json
+import math
 import os
 import pickle
 import shutil
@@ -17,6 +18,7 @@ import torch
 
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.replay import Replay, Samples
+from rsc_swarm.training.watcher import Scalars
 
 
 class TrainingFolder:
@@ -30,9 +32,10 @@ class TrainingFolder:
         """
         self.path, self._config = path, config
         self.model = path / "model.onnx"
+        self._per_epoch = config.worlds * config.rounds
         self._checkpoint, self._samples = path / "checkpoint.pt", path / "samples"
         try:
-            self._samples.mkdir(parents=True, exist_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise TrainingError(f"--out {path}: cannot be written ({error.strerror})") from None
 
@@ -54,31 +57,34 @@ class TrainingFolder:
             )
         return state
 
-    def save(self, epoch: int, learner: dict[str, Any], curve: list[dict[str, float]], flown: Samples) -> None:
-        """Keep the state after an epoch (0, 1, ...) and the graphs flown in it."""
-        _write(self._epoch(epoch), flown._asdict())
-        state = {"config": self._config.model_dump_json(), "epochs": epoch + 1, "curve": curve}
-        _write(self._checkpoint, state | {"learner": learner})
+    def save(self, curve: list[Scalars], learner: dict[str, Any], replay: Replay) -> None:
+        """Keep the state after the newest epoch of the curve, and the graphs flown in it."""
+        epoch = len(curve) - 1
+        self._samples.mkdir(exist_ok=True)
+        _write(self._epoch(epoch), replay.newest(self._per_epoch)._asdict())
+        _write(
+            self._checkpoint, {"config": self._config.model_dump_json(), "curve": curve, "learner": learner}
+        )
         lines = "".join(json.dumps(scalars) + "\n" for scalars in curve)
         (self.path / "curve.jsonl").write_text(lines, encoding="utf-8")
+        overwritten = epoch - math.ceil(replay.capacity / self._per_epoch)
+        self._epoch(overwritten).unlink(missing_ok=True)
 
     def refill(self, replay: Replay, epochs: int) -> None:
-        """Put the graphs of the epochs flown so far back into the replay."""
-        per_epoch = self._config.worlds * self._config.rounds
+        """Put the graphs of the epochs flown so far back into the replay.
+
+        Raises:
+            TrainingError: a file is missing or damaged.
+        """
         for epoch in range(epochs):
-            if (epochs - epoch - 1) * per_epoch >= replay.capacity:
-                replay.total += per_epoch  # overwritten since
+            if (epochs - 1 - epoch) * self._per_epoch >= replay.capacity:
+                replay.total += self._per_epoch  # overwritten since
             else:
                 replay.add(Samples(**_load(self._epoch(epoch))))
 
-    def forget(self, epoch: int) -> None:
-        """Remove the graphs of an epoch, if there are any."""
-        if epoch >= 0:
-            self._epoch(epoch).unlink(missing_ok=True)
-
     def finish(self) -> None:
         """Remove what only going on would need."""
-        shutil.rmtree(self._samples)
+        shutil.rmtree(self._samples, ignore_errors=True)
 
     def _epoch(self, epoch: int) -> Path:
         return self._samples / f"epoch-{epoch:04}.pt"

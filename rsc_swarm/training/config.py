@@ -9,7 +9,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from protocols.mission import TICK_S, MissionError, NotNegative, Positive, Probability, explain, read_mission_fields
+from protocols.mission import (
+    TICK_S,
+    MissionError,
+    NotNegative,
+    Positive,
+    Probability,
+    explain,
+    read_mission_fields,
+)
 
 Count = Annotated[int, Field(ge=1)]
 PAST = 3  # past steps that are recorded
@@ -33,8 +41,12 @@ class TrainingConfig(BaseModel):
         description="knots: an acceleration, piecewise linear over the horizon; raw: H x 2 displacements (the paper); "
         "action: the acceleration of one tick",
     )
-    knots: Annotated[int, Field(ge=2, le=20)] = Field(4, description="knots of the acceleration; one at H = 1")
-    extra: Literal["none", "wide"] = Field("wide", description="wide: four obstacles, three neighbours besides X_i")
+    knots: Annotated[int, Field(ge=2, le=20)] = Field(
+        4, description="knots of the acceleration; one at H = 1"
+    )
+    extra: Literal["none", "wide"] = Field(
+        "wide", description="wide: four obstacles, three neighbours besides X_i"
+    )
     past: Annotated[int, Field(ge=1, le=PAST)] = Field(PAST, description="past steps L")
     width: Annotated[int, Field(ge=4, le=1024)] = 128
     heads: Count = 4
@@ -44,11 +56,14 @@ class TrainingConfig(BaseModel):
     # What is flown for the data.
     agents: Annotated[int, Field(ge=2, le=100)] = 25
     aim: Literal["slot", "chain"] = "slot"
-    hard_share: Probability = Field(0.8, description="share of fields with 12 to 14 obstacles instead of 3 to 6")
+    hard_share: Probability = Field(
+        0.8, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
+    )
     worlds: Count = Field(64, description="episodes flown in step")
     rounds: Count = Field(150, description="plans per epoch and world; each gives one graph of N samples")
     mixing: tuple[Probability, Probability] = Field(
-        (1.0, 0.1), description="share of plans the expert flies: first epoch, and after mixing_share of the epochs"
+        (1.0, 0.1),
+        description="share of plans the expert flies: first epoch, and after mixing_share of the epochs",
     )
     mixing_share: Probability = 0.15
 
@@ -61,11 +76,18 @@ class TrainingConfig(BaseModel):
     cosine: bool = Field(True, description="the learning rate falls to zero as a cosine")
     weight_decay: NotNegative = 0.0
     averaging: Annotated[float, Field(ge=0, lt=1)] = Field(0.999, description="decay of the averaged weights")
-    mirror: bool = Field(True, description="half of all graphs are learned as seen in a mirror along the motion")
+    mirror: bool = Field(
+        True, description="half of all graphs are learned as seen in a mirror along the motion"
+    )
     position_weight: NotNegative = 1.0
     velocity_weight: NotNegative = 1.0
     bfloat16: bool = Field(True, description="multiply in bfloat16 where the processor can")
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+
+    @property
+    def name(self) -> str:
+        """What the model is called: rsc-h20, stgnn."""
+        return f"rsc-h{self.horizon}" if self.kind == "rsc" else self.kind
 
     @property
     def duration_s(self) -> float:
@@ -94,9 +116,13 @@ class TrainingConfig(BaseModel):
         if self.output == "action" and self.horizon != 1:
             raise ValueError(f"horizon: output action is for one tick; give 1, not {self.horizon}")
         if self.replan > self.horizon:
-            raise ValueError(f"replan_ticks: {self.replan} is beyond the horizon; give at most {self.horizon}")
+            raise ValueError(
+                f"replan_ticks: {self.replan} is beyond the horizon; give at most {self.horizon}"
+            )
         if self.width % self.heads:
             raise ValueError(f"width: {self.width} is not a multiple of {self.heads} heads")
+        if self.replay < self.worlds * self.rounds:
+            raise ValueError(f"replay: holds less than an epoch; give at least {self.worlds * self.rounds}")
         if self.output != "raw" and self.position_weight == self.velocity_weight == 0:
             raise ValueError("velocity_weight: with position_weight 0 as well there is nothing to learn")
         if self.output == "raw" and not self.position_weight:

@@ -4,6 +4,7 @@ An epoch is a flown half and a learned half. All its chance comes from (seed, ep
 episodes; so a training that was stopped goes on from the last whole epoch to the same weights.
 """
 
+import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -12,67 +13,68 @@ import numpy as np
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from rsc_swarm.model_inputs import model_inputs
+from rsc_swarm.model_inputs import ModelInputs, model_inputs
 from rsc_swarm.training.checkpoint import TrainingFolder
-from rsc_swarm.training.config import TrainingConfig
+from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.export import export
 from rsc_swarm.training.flying import fly
 from rsc_swarm.training.learning import Learner
-from rsc_swarm.training.network import make_network
+from rsc_swarm.training.network import TARGET_SIZE, make_network
 from rsc_swarm.training.replay import Replay
+from rsc_swarm.training.watcher import Scalars, Watcher
 
 _RECORDED = 40  # graphs on which the exported model is checked
 
 
-class Watcher:
-    """Is told how the training goes."""
-
-    def begin(self, config: TrainingConfig, epochs: int) -> None:
-        """It begins, or goes on after so many epochs."""
-
-    def step(self, share: float) -> None:
-        """More of the present epoch is done, in all this share."""
-
-    def epoch(self, scalars: dict[str, float]) -> None:
-        """An epoch is done."""
-
-
-def train(config: TrainingConfig, path: Path, device: torch.device, watcher: Watcher) -> Path:
+def train(config: TrainingConfig, path: Path, device: str, threads: int | None, watcher: Watcher) -> Path:
     """Train, or go on with the training in the folder ``path``; return the model file.
 
+    Args:
+        device: auto, cpu or cuda. threads: of torch; one per processor if not given.
+
     Raises:
-        rsc_swarm.training.config.TrainingError: as TrainingFolder and export.
+        TrainingError: no such device, or as TrainingFolder and export.
     """
+    torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
     folder = TrainingFolder(path, config)
     state = folder.load()
+    curve: list[Scalars] = state["curve"] if state else []
+    watcher.begin(config, curve)
+    if len(curve) == config.epochs and folder.model.exists():
+        return folder.model
     _seed(config, 0)
-    learner = Learner(config, make_network(config).to(device))
-    replay = Replay(config, device)
-    curve: list[dict[str, float]] = []
+    place = _device(device)
+    learner, replay = Learner(config, make_network(config).to(place)), Replay(config, place)
     if state:
-        if state["epochs"] == config.epochs and folder.model.exists():
-            return folder.model
         learner.restore(state["learner"])
-        folder.refill(replay, state["epochs"])
-        curve = state["curve"]
-    watcher.begin(config, len(curve))
+        folder.refill(replay, len(curve))
     with SummaryWriter(str(path), purge_step=len(curve)) as board:
         for epoch in range(len(curve), config.epochs):
-            curve.append(_epoch(config, epoch, learner, replay, watcher))
-            per_epoch = config.worlds * config.rounds
-            folder.save(epoch, learner.state(), curve, replay.newest(min(per_epoch, replay.capacity)))
-            folder.forget(epoch - replay.capacity // per_epoch - 1)
-            for name, value in curve[-1].items():
+            scalars = _epoch(config, epoch, learner, replay, watcher)
+            curve = [*curve, scalars]
+            folder.save(curve, learner.state(), replay)
+            for name, value in scalars.items():
                 board.add_scalar(name, value, epoch)
-            watcher.epoch(curve[-1])
-    samples = replay.take(torch.arange(min(_RECORDED, len(replay))))
-    observation, near, local = (values.cpu().numpy() for values in samples[:3])
-    recorded = model_inputs(
-        observation.swapaxes(0, 1), near.swapaxes(0, 1), local[..., :2], local[..., 2:], config.past
-    )
-    export(learner.average, config, recorded, folder.model)
+            watcher.epoch(scalars)
+    export(learner.average, config, _recorded(config, replay), folder.model)
     folder.finish()
     return folder.model
+
+
+def _device(wanted: str) -> torch.device:
+    if wanted not in ("auto", "cpu", "cuda"):
+        raise TrainingError(f"--device {wanted}: give auto, cpu or cuda")
+    if wanted == "cuda" and not torch.cuda.is_available():
+        raise TrainingError("--device cuda: torch finds no GPU here; give cpu or auto")
+    return torch.device("cuda" if wanted != "cpu" and torch.cuda.is_available() else "cpu")
+
+
+def _recorded(config: TrainingConfig, replay: Replay) -> ModelInputs:
+    """What single drones would have heard in the first graphs of the replay."""
+    samples = replay.take(torch.arange(min(_RECORDED, len(replay))))
+    observation, near, local = (values.cpu().numpy() for values in samples[:3])
+    target, extra = local[..., :TARGET_SIZE], local[..., TARGET_SIZE:]
+    return model_inputs(observation.swapaxes(0, 1), near.swapaxes(0, 1), target, extra, config.past)
 
 
 def mixing(config: TrainingConfig, epoch: int) -> float:
@@ -81,9 +83,7 @@ def mixing(config: TrainingConfig, epoch: int) -> float:
     return max(0.0, 1 - epoch / max(1, round(config.mixing_share * config.epochs))) * (first - last) + last
 
 
-def _epoch(
-    config: TrainingConfig, epoch: int, learner: Learner, replay: Replay, watcher: Watcher
-) -> dict[str, float]:
+def _epoch(config: TrainingConfig, epoch: int, learner: Learner, replay: Replay, watcher: Watcher) -> Scalars:
     """Fly and learn; the scalars of the curve."""
     rng = _seed(config, epoch + 1)
     steps, done, begin = config.rounds + config.updates, 0, time.monotonic()

@@ -1,8 +1,8 @@
 """A trained network as a model file: ONNX with everything a drone must know about it, checked against torch."""
 
-import io
 import os
 import subprocess
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -47,25 +47,28 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     example = [torch.zeros(2, config.past, X_SIZE), torch.zeros(2, config.past, PLACES, X_SIZE)]
     example += [torch.zeros(2, config.past, PLACES), torch.zeros(2, 2), torch.zeros(2, WIDE_SIZE)]
     outputs = ["displacement", "acceleration"]
-    buffer = io.BytesIO()
-    torch.onnx.export(
-        model.cpu(),
-        tuple(example[: len(names)]),
-        buffer,
-        input_names=names,
-        output_names=outputs,
-        dynamic_axes={name: {0: "drones"} for name in names + outputs},
-        opset_version=OPSET,
-        dynamo=False,
-    )
-    document = onnx.load_from_string(buffer.getvalue())
+    unfinished = path.with_name(path.name + ".part")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the newer exporter needs one more package and gains nothing here
+        torch.onnx.export(
+            model.cpu(),
+            tuple(example[: len(names)]),
+            unfinished,
+            input_names=names,
+            output_names=outputs,
+            dynamic_axes={name: {0: "drones"} for name in names + outputs},
+            opset_version=OPSET,
+            dynamo=False,
+        )
+    document = onnx.load(unfinished)
     onnx.helper.set_model_props(document, metadata(config))
     onnx.checker.check_model(document)
-    difference = _difference(document.SerializeToString(), model, recorded, names)
+    onnx.save(document, unfinished)
+    difference = _difference(unfinished, model, recorded, names)
     if difference > TOLERANCE:
-        raise TrainingError(f"{path}: the exported model differs from torch by {difference:.1e}; at most 1e-5")
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_bytes(document.SerializeToString())
+        raise TrainingError(
+            f"{path}: the exported model differs from torch by {difference:.1e}; at most 1e-5"
+        )
     os.replace(unfinished, path)
     return difference
 
@@ -89,10 +92,10 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
     }
 
 
-def _difference(file: bytes, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
+def _difference(file: Path, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    session = onnxruntime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
+    session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
     inputs = {name: getattr(recorded, name) for name in names}
     said = session.run(None, inputs)
     with torch.no_grad():

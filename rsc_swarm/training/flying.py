@@ -96,8 +96,7 @@ def observed(batch: Batch, config: TrainingConfig, change: Tensor) -> Samples:
 @torch.no_grad()
 def decide(policy: PolicyNetwork, samples: Samples) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The policy's plan for whole swarms: displacement and acceleration, (E, N, H, 2) each."""
-    device = policy.plan.travel.device
-    output = policy.graphs(*(values.to(device) for values in samples[:3]))
+    output = policy.graphs(*(values.to(policy.device) for values in samples[:3]))
     displacement, _, acceleration = policy.plan(output)
     return displacement.cpu().numpy(), acceleration.cpu().numpy()
 

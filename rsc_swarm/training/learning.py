@@ -30,7 +30,7 @@ class Learner:
         self.config, self.network = config, network
         self.average = copy.deepcopy(network).eval().requires_grad_(False)
         self.updates = 0
-        self._device = network.plan.travel.device
+        self._device = network.device
         self._optimizer = torch.optim.AdamW(
             network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
         )
@@ -44,7 +44,7 @@ class Learner:
 
     def learn(self, replay: Replay, each_update: Callable[[], None]) -> Learned:
         """One epoch's updates; torch's seed decides which graphs."""
-        config, sums = self.config, torch.zeros(2)
+        config, sums = self.config, torch.zeros(2, device=self._device)
         self.network.train()
         for _ in range(config.updates):
             samples = replay.take(torch.randint(len(replay), (config.batch,)))
@@ -58,7 +58,7 @@ class Learner:
             self._optimizer.step()
             self.updates += 1
             self._average()
-            sums += torch.stack([loss.detach(), error]).cpu()
+            sums += torch.stack([loss.detach(), error])
             each_update()
         self.network.eval()
         loss_mean, error_mean = (sums / config.updates).tolist()

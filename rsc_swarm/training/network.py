@@ -17,6 +17,9 @@ CLIP = 6.0
 class Normal(nn.Module):
     """Z-scores, clipped; the means and deviations are measured once on recorded data."""
 
+    mean: Tensor
+    deviation: Tensor
+
     def __init__(self, size: int) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(size))
@@ -45,6 +48,11 @@ class PolicyNetwork(nn.Module):
         self.normal_x = Normal(X_SIZE)
         self.normal_local = Normal(self.local_size)
         self.plan = Plan(config)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return self.plan.travel.device
 
     def graphs(self, observation: Tensor, near: Tensor, local: Tensor) -> Tensor:
         """Outputs (G, N, size) from X_i (G, 4, N, 18), neighbours' numbers (G, 3 or 4, N, K; -1: none), local (G, N, F).
@@ -77,7 +85,9 @@ def neighbour_shares(near: Tensor) -> Tensor:
     used = near >= 0
     share = used / used.sum(-1, keepdim=True).clamp(min=1)
     drones = near.shape[-2]
-    weights = share.new_zeros(*near.shape[:-1], drones + 1)  # one more column takes the places without a neighbour
+    weights = share.new_zeros(
+        *near.shape[:-1], drones + 1
+    )  # one more column takes the places without a neighbour
     return weights.scatter_add_(-1, torch.where(used, near, drones).long(), share)[..., :drones]
 
 

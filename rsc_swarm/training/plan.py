@@ -14,6 +14,11 @@ class Plan(nn.Module):
     it gives accelerations at evenly spaced knots, which are joined by straight lines and integrated as drones move.
     """
 
+    travel: Tensor
+    to_velocity: Tensor
+    to_position: Tensor
+    from_knots: Tensor
+
     def __init__(self, config: TrainingConfig) -> None:
         super().__init__()
         self.horizon, self.raw = config.horizon, config.output == "raw"
@@ -34,7 +39,9 @@ class Plan(nn.Module):
     def forward(self, output: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         points = output.unflatten(-1, (self.points, 2))
         if self.raw:
-            nothing = 0.0 * points  # a computed zero: a constant would lose the number of drones in the exported graph
+            nothing = (
+                0.0 * points
+            )  # a computed zero: a constant would lose the number of drones in the exported graph
             return self.scale_m * points, nothing, nothing
         acceleration = self.from_knots @ points
         return self.to_position @ acceleration, self.to_velocity @ acceleration, acceleration

@@ -46,13 +46,15 @@ class Replay:
     def __init__(self, config: TrainingConfig, device: torch.device) -> None:
         drones, local = config.agents, TARGET_SIZE + (WIDE_SIZE if config.extra == "wide" else 0)
         self.capacity = min(config.replay, config.epochs * config.rounds * config.worlds)
-        shapes = Samples((PAST + 1, drones, X_SIZE), (PAST, drones, PLACES), (drones, local), (drones, config.horizon, 2))  # type: ignore[arg-type]
-        kinds = (torch.float16, torch.int16, torch.float16, torch.float16)
+
+        def room(kind: torch.dtype, *shape: int) -> Tensor:
+            return torch.empty(self.capacity, *shape, dtype=kind, device=device)
+
         self._rows = Samples(
-            *(
-                torch.empty(self.capacity, *shape, dtype=kind, device=device)
-                for shape, kind in zip(shapes, kinds, strict=True)
-            )
+            room(torch.float16, PAST + 1, drones, X_SIZE),
+            room(torch.int16, PAST, drones, PLACES),
+            room(torch.float16, drones, local),
+            room(torch.float16, drones, config.horizon, 2),
         )
         self.total = 0  # graphs ever added
 
