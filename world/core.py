@@ -87,9 +87,7 @@ class WorldCore:
             discs = field.draw_obstacles(mission)
             self.obstacle_count[world] = len(discs)
             self.obstacles[world, : len(discs)] = discs
-            self.goal_x[world] = (
-                max(mission.goal_x_m, *(discs[:, 0] + discs[:, 2])) if len(discs) else mission.goal_x_m
-            )
+            self.goal_x[world] = field.goal_x(mission, discs)
             self.position[world] = field.draw_start(mission, discs)
             self.claim[world] = field.draw_slots(mission)
         self.initial_slots = self.claim.copy()

@@ -29,6 +29,12 @@ def draw_obstacles(mission: Mission) -> NDArray[np.float64]:
     return draw.uniform(low, high, size=(count, 3))
 
 
+def goal_x(mission: Mission, obstacles: NDArray[np.float64]) -> float:
+    """The line [m] that every drone must have passed: the mission's, or the far end of the last obstacle."""
+    ends: list[float] = (obstacles[:, 0] + obstacles[:, 2]).tolist()
+    return max([mission.goal_x_m, *ends])
+
+
 def draw_slots(mission: Mission) -> NDArray[np.int16]:
     """(N,) the slot each agent holds at the start: its own number, or any when the start is scrambled."""
     if not mission.start.scrambled:
