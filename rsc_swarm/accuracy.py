@@ -10,7 +10,8 @@ import numpy as np
 import onnxruntime
 
 from protocols.mission import Mission
-from rsc_swarm.batch import FLYING, Batch
+from rsc_swarm.batch import Batch
+from rsc_swarm.batch_kernel import FLYING
 from rsc_swarm.evaluate import STARTS_PER_MAP
 from rsc_swarm.model_inputs import model_inputs
 

@@ -55,7 +55,6 @@ class TrainingConfig(BaseModel):
 
     # What is flown for the data.
     agents: Annotated[int, Field(ge=2, le=100)] = 25
-    aim: Literal["slot", "chain"] = "slot"
     hard_share: Probability = Field(
         0.8, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
     )

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from protocols.mission import TICK_S, Mission, Obstacles, Trajectory
-from rsc_swarm.batch import COLLIDED, FLYING, SUCCEEDED, Batch
+from rsc_swarm.batch import Batch
+from rsc_swarm.batch_kernel import COLLIDED, FLYING, SUCCEEDED
 from rsc_swarm.training.config import PAST, TrainingConfig
 from rsc_swarm.training.network import PolicyNetwork
 from rsc_swarm.training.replay import Replay, Samples
@@ -38,7 +39,6 @@ def training_mission(config: TrainingConfig, rng: np.random.Generator) -> Missio
     return Mission(
         name="training",
         agents=config.agents,
-        aim=config.aim,
         obstacles=_HARD if rng.random() < config.hard_share else _PLAIN,
         trajectory=Trajectory(tracking="required" if config.output == "raw" else "smooth"),
         map_seed=int(rng.integers(*TRAINING_MAPS)),
