@@ -25,26 +25,29 @@ class Plan(nn.Module):
         self.scale_m = config.duration_s**2 / 3
         self.points = self.horizon if self.raw else config.knot_count
         self.size = 2 * self.points
-        to_velocity = TICK_S * torch.ones(self.horizon, self.horizon).tril()
-        travel = _trapezoid(self.horizon)
+        travel, from_knots = _trapezoid(self.horizon), _hats(self.horizon, self.points)
+        to_velocity = TICK_S * torch.ones(self.horizon, self.horizon).tril() @ from_knots
         self.register_buffer("travel", travel, persistent=False)
         self.register_buffer("to_velocity", to_velocity, persistent=False)
         self.register_buffer("to_position", travel @ to_velocity, persistent=False)
-        self.register_buffer("from_knots", _hats(self.horizon, self.points), persistent=False)
+        self.register_buffer("from_knots", from_knots, persistent=False)
 
     def travelled(self, change: Tensor) -> Tensor:
         """Displacements [m] that follow from velocity changes [m/s], both (..., H, 2)."""
-        return self.travel @ change
+        return (change.mT @ self.travel.T).mT
 
     def forward(self, output: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        points = output.unflatten(-1, (self.points, 2))
+        points = output.unflatten(-1, (2, self.points))
         if self.raw:
             nothing = (
-                0.0 * points
-            )  # a computed zero: a constant would lose the number of drones in the exported graph
-            return self.scale_m * points, nothing, nothing
-        acceleration = self.from_knots @ points
-        return self.to_position @ acceleration, self.to_velocity @ acceleration, acceleration
+                0.0 * points.mT
+            )  # computed: a constant would fix the number of drones in the exported graph
+            return self.scale_m * points.mT, nothing, nothing
+        # One flat product each, instead of one per drone.
+        position, velocity, acceleration = (
+            (points @ matrix.T).mT for matrix in (self.to_position, self.to_velocity, self.from_knots)
+        )
+        return position, velocity, acceleration
 
 
 def _trapezoid(steps: int) -> Tensor:
