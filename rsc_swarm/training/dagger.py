@@ -36,6 +36,7 @@ def train(config: TrainingConfig, path: Path, device: str, threads: int | None, 
         TrainingError: no such device, or as TrainingFolder and export.
     """
     torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
+    place = _device(device)
     folder = TrainingFolder(path, config)
     state = folder.load()
     curve: list[Scalars] = state["curve"] if state else []
@@ -43,7 +44,6 @@ def train(config: TrainingConfig, path: Path, device: str, threads: int | None, 
     if len(curve) == config.epochs and folder.model.exists():
         return folder.model
     _seed(config, 0)
-    place = _device(device)
     learner, replay = Learner(config, make_network(config).to(place)), Replay(config, place)
     if state:
         learner.restore(state["learner"])

@@ -34,18 +34,20 @@ class Plan(nn.Module):
 
     def travelled(self, change: Tensor) -> Tensor:
         """Displacements [m] that follow from velocity changes [m/s], both (..., H, 2)."""
-        return (change.mT @ self.travel.T).mT
+        return (change.transpose(-1, -2) @ self.travel.T).transpose(-1, -2)
 
     def forward(self, output: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         points = output.unflatten(-1, (2, self.points))
         if self.raw:
+            displacement = (self.scale_m * points).transpose(-1, -2)
             nothing = (
-                0.0 * points.mT
-            )  # computed: a constant would fix the number of drones in the exported graph
-            return self.scale_m * points.mT, nothing, nothing
+                0.0 * displacement
+            )  # computed: a constant would fix the number of drones in the model file
+            return displacement, nothing, nothing
         # One flat product each, instead of one per drone.
         position, velocity, acceleration = (
-            (points @ matrix.T).mT for matrix in (self.to_position, self.to_velocity, self.from_knots)
+            (points @ matrix.T).transpose(-1, -2)
+            for matrix in (self.to_position, self.to_velocity, self.from_knots)
         )
         return position, velocity, acceleration
 
