@@ -180,7 +180,7 @@ def train(
         Path | None, typer.Option(metavar="FILE", help="Fields of the training config (YAML), on top of it.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of weights, maps and batches. (0)")] = None,
-    epochs: Annotated[int | None, typer.Option(help="How often to fly and learn. (32)")] = None,
+    epochs: Annotated[int | None, typer.Option(help="How often to fly and learn. (20)")] = None,
     out: Annotated[
         Path | None,
         typer.Option(

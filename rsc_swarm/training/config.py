@@ -67,7 +67,7 @@ class TrainingConfig(BaseModel):
     mixing_share: Probability = 0.15
 
     # How it is learned.
-    epochs: Count = 32
+    epochs: Count = 20
     updates: Count = Field(480, description="per epoch")
     replay: Count = Field(200_000, description="graphs that are kept; the oldest go first")
     batch: Count = Field(40, description="graphs per update")
