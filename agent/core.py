@@ -46,6 +46,7 @@ class AgentCore:
         inbox_size: int,
         boot: int = 0,
         policy: Policy | None = None,
+        rehearsal: bool = False,
     ) -> None:
         """Make the drones numbered ``me`` (A,), whose swarm starts in ``initial_slots`` (A, N): agent -> slot.
 
@@ -53,6 +54,7 @@ class AgentCore:
             sensed, frames: the arrays in which sensors and frames arrive, and into which frames are composed.
             inbox_size: frames that all rows together can hear in one tick.
             boot: above 0 means restarted in mid-flight, knowing nothing but the initial slots.
+            rehearsal: this process will fork: load all code, but open nothing.
 
         Raises:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
@@ -61,28 +63,42 @@ class AgentCore:
         self.mission, self.sensed, self.frames = mission, sensed, frames
         self.notes: list[object] = [None] * len(frames.tick)
         self.policy = policy or find_policy(mission.policy, mission)
+        self._opened = rehearsal
         self.work = empty_work(agents, inbox_size)
         self.memory = empty_memory(len(agents), mission.agents)
         self.views = empty_views(len(agents), mission.agents)
         self.parties = Parties(mission, agents, initial_slots, self.views, boot)
         self._rules, self._shape = rules_of(mission), shape_of(mission)
-        self._desk = make_desk(self._rules, self._shape, self.views, self.work, sensed, frames, self.memory)
+        self.desk = make_desk(self._rules, self._shape, self.views, self.work, sensed, frames, self.memory)
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
         forget(self.memory, row, tick)
         self.parties.restart(row, boot)
+        if hasattr(self.policy, "forget"):
+            self.policy.forget(row)
+
+    def open(self) -> None:
+        """Open what the policy needs, if it has not been done; else the first `step` does it.
+
+        Raises:
+            agent.policy.PolicyError: it cannot be opened.
+        """
+        if not self._opened and hasattr(self.policy, "open"):
+            self.policy.open()
+        self._opened = True
 
     def load_rare_kernels(self) -> None:
         """Load (or compile) what only some ticks need: at the first swap there is no time for it."""
-        cycle.aim_again(self._desk)
+        cycle.aim_again(self.desk)
 
     def step(self, tick: int, first: int) -> NDArray[np.float64]:
         """Decide one tick for the awake rows; return the commands (A, 2), accelerations in m/s^2.
 
         What row r broadcasts goes into row first + r of ``frames`` and ``notes``. A note is read only where ``frames.loud``.
         """
-        work, desk = self.work, self._desk
+        work, desk = self.work, self.desk
+        self.open()
         self.parties.changed.clear()
         if cycle.before_policy(tick, desk) and self.parties.step(tick, work, self.frames, self.notes):
             cycle.aim_again(desk)

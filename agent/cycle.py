@@ -13,7 +13,7 @@ from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
 from protocols import trigger
 from protocols.dynamics import ABSURD_MPS2
-from protocols.kernels import inlined_kernel, kernel
+from protocols.kernels import borrowed, inlined_kernel, kernel
 from protocols.sensed import Sensed
 
 
@@ -51,9 +51,8 @@ def before_policy(tick: int, desk: Desk) -> bool:
     Returns:
         Whether any row's slot protocol has something to attend to (``desk.work.news``).
     """
-    # Taken off the desk once: each taking counts references to every array.
-    rules, shape, views, work = desk.rules, desk.shape, desk.views, desk.work
-    sensed, frames, memory = desk.sensed, desk.frames, desk.memory
+    rules, shape, views, work = desk.rules, borrowed(desk.shape), borrowed(desk.views), borrowed(desk.work)
+    sensed, frames, memory = borrowed(desk.sensed), borrowed(desk.frames), borrowed(desk.memory)
     found = False
     for row in range(work.me.shape[0]):
         work.news[row] = False
@@ -75,14 +74,8 @@ def before_policy(tick: int, desk: Desk) -> bool:
 @kernel
 def aim_again(desk: Desk) -> None:
     """Targets and observations after a view of the slots has changed."""
-    rules, shape, views, work, sensed, memory = (
-        desk.rules,
-        desk.shape,
-        desk.views,
-        desk.work,
-        desk.sensed,
-        desk.memory,
-    )
+    rules, shape, views = desk.rules, borrowed(desk.shape), borrowed(desk.views)
+    work, sensed, memory = borrowed(desk.work), borrowed(desk.sensed), borrowed(desk.memory)
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             _aim_and_observe(row, rules, shape, views, work, sensed, memory)
@@ -95,14 +88,8 @@ def after_policy(tick: int, first: int, desk: Desk, command: NDArray[np.float64]
     A policy that wants what is no number, or an absurd one, wants nothing. Drones take turns at low frame rates, so that not
     all speak in the same tick.
     """
-    rules, views, work, sensed, frames, memory = (
-        desk.rules,
-        desk.views,
-        desk.work,
-        desk.sensed,
-        desk.frames,
-        desk.memory,
-    )
+    rules, views, work = desk.rules, borrowed(desk.views), borrowed(desk.work)
+    sensed, frames, memory = borrowed(desk.sensed), borrowed(desk.frames), borrowed(desk.memory)
     for row in range(work.me.shape[0]):
         work.sent[row] = work.awake[row] and (tick + work.me[row]) % rules.frame_every == 0
         if not work.awake[row]:

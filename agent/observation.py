@@ -50,7 +50,7 @@ def aim_row(
     motion, slot = sensed.motion[row], slot_of[row, me]
     slot_error[row, 0] = motion[4] + offsets[slot, 0] - motion[0]
     slot_error[row, 1] = motion[5] + offsets[slot, 1] - motion[1]
-    chain_error[row] = slot_error[row]
+    chain_error[row, 0], chain_error[row, 1] = slot_error[row, 0], slot_error[row, 1]
     above = parent[slot]
     if chain and above != NO_PARENT:
         leader = occupant[row, above]

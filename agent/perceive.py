@@ -93,7 +93,7 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
     """Bring the list of obstacles up to date with what is sensed now; without memory, drop what is out of sight."""
     px, py = sensed.motion[row, 0], sensed.motion[row, 1]
     known = memory.disc_count[row]
-    seen_now = np.zeros(memory.disc.shape[1], np.bool_)
+    seen_now = 0  # bit i: obstacle i
     for index in range(sensed.obstacle_count[row]):
         x, y = px + sensed.obstacles[row, index, 0], py + sensed.obstacles[row, index, 1]
         match = -1
@@ -109,14 +109,16 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
             memory.disc_side[row, match] = 0
             known += 1
         if match >= 0:
-            seen_now[match] = True
+            seen_now |= 1 << match
             memory.disc[row, match, 0], memory.disc[row, match, 1] = x, y
             memory.disc[row, match, 2] = sensed.obstacles[row, index, 2]
     kept = 0
     for disc in range(known):
-        if remember or seen_now[disc]:
-            memory.disc[row, kept] = memory.disc[row, disc]
-            memory.disc_side[row, kept] = memory.disc_side[row, disc]
+        if remember or (seen_now >> disc) & 1:
+            if kept < disc:
+                for place in range(3):
+                    memory.disc[row, kept, place] = memory.disc[row, disc, place]
+                memory.disc_side[row, kept] = memory.disc_side[row, disc]
             memory.obstacle_rel[row, kept, 0] = memory.disc[row, kept, 0] - px
             memory.obstacle_rel[row, kept, 1] = memory.disc[row, kept, 1] - py
             memory.obstacle_radius[row, kept] = memory.disc[row, kept, 2]

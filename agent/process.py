@@ -9,17 +9,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from agent.core import AgentCore
+from agent.hearing import Hearing
 from agent.memory import forget
 from protocols import messages
-from protocols.frames import REASONS, FrameError, FrameReader, empty_frames, encode_frame, swarm_tag
+from protocols.frames import FrameCodec, empty_frames, swarm_tag
 from protocols.mission import Mission, parse_mission
-from protocols.sensed import SensedReader, empty_sensed, pack_sensed
+from protocols.sensed import SensedPacker, SensedReader, empty_sensed
 from protocols.status import AgentStatus
-from protocols.swap import SlotNote, decode, encode
-from protocols.swap_notes import quiet_digest
+from protocols.swap import SlotNote, encode
+from protocols.swap_notes import quiet_note
 
 _LISTEN_S = 0.2
-_OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
 _STATUS_EVERY = 50  # ticks between accounts of itself when nothing changes
 
 
@@ -34,73 +34,45 @@ class Link(Protocol):
 class Drone:
     """One drone of a welcomed process: turns TICK fields into a REPLY."""
 
-    def __init__(self, mission: Mission, agent: int, initial_slots: bytes, boot: int) -> None:
+    def __init__(
+        self, mission: Mission, agent: int, initial_slots: bytes, boot: int, rehearsal: bool = False
+    ) -> None:
         initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
-        self.rejected = dict.fromkeys(REASONS, 0)
-        self._mission, self._agent = mission, agent
-        self._tag = swarm_tag(mission.swarm)
-        self._sensed = empty_sensed(1)
-        self._sensors = SensedReader(self._sensed)
-        self._frames = empty_frames(messages.MAX_HEARD + 1)
-        self.core = AgentCore(mission, [agent], initial, self._sensed, self._frames, messages.MAX_HEARD, boot)
-        self.core.work.inbox[:] = np.arange(messages.MAX_HEARD)
-        self._reader = FrameReader(self._tag, mission.agents, self._frames)
+        sensed, frames = empty_sensed(1), empty_frames(messages.MAX_HEARD + 1)
+        self.core = AgentCore(
+            mission, [agent], initial, sensed, frames, messages.MAX_HEARD, boot, rehearsal=rehearsal
+        )
+        self._sensors = SensedReader(sensed)
+        self._codec = FrameCodec(swarm_tag(mission.swarm), frames)
+        self._hearing = Hearing(self.core, self._codec)
         self.tick = -1
 
-    def answer(self, tick: int, packed: Any, sources: bytes, heard: list[bytes]) -> bytes:
-        """One tick: what is sensed and heard (``sources[i]`` sent ``heard[i]``) in, the REPLY out.
+    @property
+    def rejected(self) -> dict[str, int]:
+        """Frames heard and not believed so far, by reason."""
+        return self._hearing.rejected
 
-        Bad frames, and those in which a drone speaks in another's name, are counted and dropped.
-        """
+    def answer(self, tick: int, packed: Any, sources: bytes, heard: list[bytes]) -> bytes:
+        """One tick: what is sensed and heard (``sources[i]`` sent ``heard[i]``) in, the REPLY out."""
         if self.tick < 0:
             forget(self.core.memory, 0, tick)
         self.tick = tick
         self._sensors.read(packed)
         core = self.core
-        core.work.inbox_start[1] = self._hear(tick, sources, heard)
+        self._hearing.hear(tick, sources, heard)
         ((ax, ay),) = core.step(tick, messages.MAX_HEARD).tolist()
         frame = self._speak() if core.work.sent[0] else None
         return messages.pack(
             messages.REPLY, tick, ax, ay, core.parties.party[0].slot, frame, self._news(tick)
         )
 
-    def _hear(self, tick: int, sources: bytes, heard: list[bytes]) -> int:
-        """Read the frames into rows 0, 1, ...; return how many are good."""
-        row = 0
-        for source, data in zip(sources[: messages.MAX_HEARD], heard, strict=False):
-            try:
-                sender, note = self._reader.read(data, tick, _OLDEST_FRAME, row)
-                if sender != source or sender == self._agent:
-                    raise FrameError("sender")
-                self._keep_note(row, note)
-            except FrameError as error:
-                self.rejected[error.reason] += 1
-                continue
-            row += 1
-        return row
-
-    def _keep_note(self, row: int, encoded: Any) -> None:
-        digest = quiet_digest(encoded)
-        if digest is not None:
-            self._frames.digest[row] = digest
-            self._frames.loud[row] = 0
-            return
-        try:
-            note = decode(encoded, self._mission.agents)
-        except (ValueError, TypeError) as error:
-            raise FrameError("malformed") from error
-        self.core.notes[row] = note
-        self._frames.digest[row] = note.digest
-        self._frames.loud[row] = not (note.quiet and note.settled)
-
     def _speak(self) -> bytes:
-        out, frames = messages.MAX_HEARD, self._frames
-        if frames.loud[out]:
-            note = self.core.notes[out]
-            assert isinstance(note, SlotNote)
-        else:
-            note = SlotNote(int(frames.digest[out]), True)
-        return encode_frame(self._tag, frames, out, encode(note))
+        out, frames = messages.MAX_HEARD, self.core.frames
+        if not frames.loud[out]:
+            return self._codec.encode(out, quiet_note(int(frames.digest[out])))
+        note = self.core.notes[out]
+        assert isinstance(note, SlotNote)
+        return self._codec.encode(out, encode(note))
 
     def status(self) -> AgentStatus:
         """The drone's account of itself."""
@@ -122,9 +94,9 @@ class Drone:
 
 def rehearse(mission: Mission) -> None:
     """Load (or on the very first run compile) every kernel a drone needs, so that its first tick is not late."""
-    drone = Drone(mission, 0, bytes(range(mission.agents)), 0)
+    drone = Drone(mission, 0, bytes(range(mission.agents)), 0, rehearsal=True)
     for tick in range(2):
-        drone.answer(tick, pack_sensed(empty_sensed(1), 0), b"", [])
+        drone.answer(tick, SensedPacker(empty_sensed(1)).pack(0), b"", [])
     drone.core.load_rare_kernels()
 
 
@@ -153,6 +125,7 @@ def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:
         elif kind == messages.WELCOME and drone is None:
             mission, initial_slots, boot = fields
             drone = Drone(parse_mission(mission, "the world's mission"), agent, initial_slots, boot)
+            drone.core.open()
             link.send(messages.pack(messages.READY))
         elif kind == messages.BYE:
             if drone is not None:

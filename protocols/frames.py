@@ -13,13 +13,14 @@ what the wire would have carried: every field is stored in its wire type.
 """
 
 import math
-import struct
 import zlib
 from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
+
+from protocols.kernels import inlined_kernel
 
 VERSION = 1
 MAX_FRAME_BYTES = 1024
@@ -30,10 +31,10 @@ AGE_WINDOW = 8  # silence ages told per frame, in turn over all drones
 AGE_UNIT_TICKS = 10
 AGE_NEVER = 255
 
-# The fields of FIXED that a receiver checks: tick, motion, sender, slot, one_hop, known_count, age_from.
-_CHECKED = struct.Struct(f"<I4f{2 * OBSERVATION_SIZE}x{AGE_WINDOW}x5B")
-
 REASONS = ("oversized", "malformed", "version", "foreign", "sender", "stale", "non-finite")
+_MALFORMED, _WRONG_SENDER, _STALE, _NON_FINITE = (
+    REASONS.index(reason) for reason in ("malformed", "sender", "stale", "non-finite")
+)
 
 FIXED = np.dtype(
     [
@@ -55,6 +56,8 @@ FIXED = np.dtype(
         ("age_from", "u1"),
     ]
 )
+assert FIXED.fields is not None
+_SIZE, _SENDER, _COUNT = FIXED.itemsize, FIXED.fields["sender"][1], FIXED.fields["known_count"][1]
 
 
 class FrameError(ValueError):
@@ -109,40 +112,33 @@ def swarm_tag(swarm: str) -> int:
     return zlib.crc32(swarm.encode()) & 0xFFFF
 
 
-def encode_frame(tag: int, frames: Frames, row: int, note: Any) -> bytes:
-    """The bytes of one row; ``note`` is an encoded slot note (protocols.swap)."""
-    count = int(frames.known_count[row])
-    packed: bytes = msgpack.packb(
-        (
-            VERSION,
-            tag,
-            frames.fixed[row].tobytes(),
-            frames.known[row, :count].tobytes(),
-            frames.displacement[row, :count].tobytes(),
-            note,
-        )
-    )
-    return packed
+def _bytes_of(array: NDArray[Any]) -> memoryview:
+    return array.reshape(-1).view(np.uint8).data
 
 
-class FrameReader:
-    """Checks what is heard and writes it into rows of frames, by copying bytes: the records are the wire's own."""
+class FrameCodec:
+    """Rows of frames to and from the wire, by copying bytes: the records are the wire's own."""
 
-    def __init__(self, tag: int, agents: int, frames: Frames) -> None:
-        self._tag, self._agents = tag, agents
-        self._fixed, self._known, self._displacement = (
-            array.reshape(-1).view(np.uint8).data
-            for array in (frames.fixed, frames.known, frames.displacement)
-        )
+    def __init__(self, tag: int, frames: Frames) -> None:
+        self._tag = tag
+        self._fixed, self._known = _bytes_of(frames.fixed), _bytes_of(frames.known)
+        self._displacement = _bytes_of(frames.displacement)
 
-    def read(self, data: bytes, now: int, oldest: int, row: int) -> tuple[int, Any]:
-        """Check a frame heard at tick ``now`` and write it into ``row``; return its sender and its slot note, still unchecked.
+    def encode(self, row: int, note: Any) -> bytes:
+        """The bytes of one row; ``note`` is an encoded slot note (protocols.swap)."""
+        fixed = self._fixed[row * _SIZE : (row + 1) * _SIZE].tobytes()
+        start = row * MAX_KNOWN
+        end = start + fixed[_COUNT]
+        known = self._known[start:end].tobytes()
+        displacement = self._displacement[8 * start : 8 * end].tobytes()
+        packed: bytes = msgpack.packb((VERSION, self._tag, fixed, known, displacement, note))
+        return packed
 
-        Args:
-            oldest: ticks; a frame older than this, or from the future, is stale.
+    def decode(self, data: bytes, row: int) -> tuple[int, Any]:
+        """Write a frame into ``row``; return its sender and its slot note. What it says is still to be checked (`fault`).
 
         Raises:
-            FrameError: with the reason; the row is then not to be used.
+            FrameError: it is no frame of this swarm; the row is then not to be used.
         """
         if len(data) > MAX_FRAME_BYTES:
             raise FrameError("oversized")
@@ -152,29 +148,42 @@ class FrameReader:
                 raise FrameError("version")
             if tag != self._tag:
                 raise FrameError("foreign")
-            tick, *motion, sender, slot, one_hop, count, age_from = _CHECKED.unpack(fixed)
-            steps = memoryview(displacement).cast("f")
-            if type(known) is not bytes:
-                raise TypeError("known drones are one byte each")
-            known_ids = max(known, default=0)
+            self._fixed[row * _SIZE : (row + 1) * _SIZE] = fixed
+            count = fixed[_COUNT]
+            if count > MAX_KNOWN:
+                raise FrameError("malformed")
+            start = row * MAX_KNOWN
+            self._known[start : start + count] = known
+            self._displacement[8 * start : 8 * (start + count)] = displacement
         except FrameError:
             raise
-        except (ValueError, TypeError, struct.error, msgpack.exceptions.UnpackException) as error:
+        except (ValueError, TypeError, msgpack.exceptions.UnpackException) as error:
             raise FrameError("malformed") from error
-        if len(known) != count or len(steps) != 2 * count or not one_hop <= count <= MAX_KNOWN:
-            raise FrameError("malformed")
-        if slot >= self._agents or age_from >= self._agents:
-            raise FrameError("malformed")
-        if sender >= self._agents or known_ids >= self._agents:
-            raise FrameError("sender")
-        if not now - oldest <= tick < now:
-            raise FrameError("stale")
-        # A sum of float32 numbers in double precision is finite if and only if every one is.
-        if not math.isfinite(sum(steps) + sum(motion)):
-            raise FrameError("non-finite")
-        size = FIXED.itemsize
-        self._fixed[row * size : (row + 1) * size] = fixed
-        start = row * MAX_KNOWN
-        self._known[start : start + count] = known
-        self._displacement[8 * start : 8 * (start + count)] = displacement
-        return sender, note
+        return fixed[_SENDER], note
+
+
+@inlined_kernel
+def fault(frames: Frames, row: int, now: int, oldest: int, agents: int) -> int:
+    """Why the frame in ``row``, heard at tick ``now``, must not be believed, as an index of `REASONS`; -1 if it may be.
+
+    Args:
+        oldest: ticks; a frame older than this, or from the future, is stale.
+    """
+    count, tick = np.int64(frames.known_count[row]), np.int64(frames.tick[row])
+    if frames.one_hop[row] > count or frames.slot[row] >= agents or frames.age_from[row] >= agents:
+        return _MALFORMED
+    highest, total = np.int64(frames.sender[row]), 0.0
+    for place in range(4):
+        total += frames.motion[row, place]
+    for entry in range(count):
+        highest = max(highest, np.int64(frames.known[row, entry]))
+        total += frames.displacement[row, entry, 0]
+        total += frames.displacement[row, entry, 1]
+    if highest >= agents:
+        return _WRONG_SENDER
+    if not now - oldest <= tick < now:
+        return _STALE
+    # A sum of float32 numbers in double precision is finite if and only if every one is.
+    if not math.isfinite(total):
+        return _NON_FINITE
+    return -1

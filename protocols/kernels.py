@@ -18,7 +18,7 @@ from numba.core import cgutils, config
 from numba.extending import intrinsic
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
-_KEPT_CACHES = 4
+_KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -45,9 +45,9 @@ def _choose_cache() -> Path:
     chosen = base / f"kernels-{_sources_fingerprint(Path(__file__).resolve().parent.parent)}"
     if not chosen.exists():
         chosen.mkdir(exist_ok=True)
-        old = sorted(base.glob("kernels-*"), key=lambda path: path.stat().st_mtime, reverse=True)
-        for path in old[_KEPT_CACHES:]:
-            shutil.rmtree(path, ignore_errors=True)
+        for path in base.glob("kernels-*"):
+            if chosen.stat().st_mtime - path.stat().st_mtime > _KEPT_S:
+                shutil.rmtree(path, ignore_errors=True)
     return chosen
 
 

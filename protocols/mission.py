@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from protocols.formation import Formation, build_formation, default_shape, shape_points
 
@@ -119,7 +119,10 @@ class SwapSpec(_Section):
     """Online reconfiguration. ``tree`` is the paper's rule (a follower and its leader); ``contact`` trades slots with
     any drone in radio contact when that shortens the summed squared distances to the two slots."""
 
-    rule: Literal["off", "tree", "contact"] = "contact"
+    rule: Annotated[
+        Literal["off", "tree", "contact"],
+        BeforeValidator(lambda rule: "off" if rule is False else rule),  # what YAML makes of a bare off
+    ] = "contact"
     protocol: Literal["agreed", "highest-version"] = "agreed"
     margin_m: NotNegative = 0.5
     connected: bool = Field(False, description="demand that all affected drones are linked by radio")

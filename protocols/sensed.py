@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 MAX_NEAR = 48  # neighbours sensed at once
 MAX_OBSTACLES = 16
+_MOTION_BYTES, _NEAR_BYTES, _OBSTACLE_BYTES = 8 * 8, 5 * 8, 3 * 8
 
 Packed = tuple[bytes, bytes, bytes]
 
@@ -43,23 +44,35 @@ def empty_sensed(rows: int) -> Sensed:
     )
 
 
-def pack_sensed(sensed: Sensed, row: int) -> Packed:
-    """One row as three byte strings of little-endian doubles."""
-    return (
-        sensed.motion[row].tobytes(),
-        sensed.near[row, : sensed.near_count[row]].tobytes(),
-        sensed.obstacles[row, : sensed.obstacle_count[row]].tobytes(),
-    )
+def _bytes_of(array: NDArray[np.float64]) -> memoryview:
+    return array.reshape(-1).view(np.uint8).data
+
+
+class SensedPacker:
+    """Packs rows as they are at the moment of packing, by copying bytes."""
+
+    def __init__(self, sensed: Sensed) -> None:
+        self._near_count, self._obstacle_count = sensed.near_count.data, sensed.obstacle_count.data
+        self._motion, self._near = _bytes_of(sensed.motion), _bytes_of(sensed.near)
+        self._obstacles = _bytes_of(sensed.obstacles)
+
+    def pack(self, row: int) -> Packed:
+        """One row as three byte strings of little-endian doubles."""
+        near, obstacle = row * MAX_NEAR * _NEAR_BYTES, row * MAX_OBSTACLES * _OBSTACLE_BYTES
+        return (
+            self._motion[row * _MOTION_BYTES : (row + 1) * _MOTION_BYTES].tobytes(),
+            self._near[near : near + self._near_count[row] * _NEAR_BYTES].tobytes(),
+            self._obstacles[obstacle : obstacle + self._obstacle_count[row] * _OBSTACLE_BYTES].tobytes(),
+        )
 
 
 class SensedReader:
-    """Writes what `pack_sensed` made into row 0 of a drone's own arrays, by copying bytes."""
+    """Writes what `SensedPacker` made into row 0 of a drone's own arrays, by copying bytes."""
 
     def __init__(self, sensed: Sensed) -> None:
         self._sensed = sensed
         self._motion, self._near, self._obstacles = (
-            array[0].reshape(-1).view(np.uint8).data
-            for array in (sensed.motion, sensed.near, sensed.obstacles)
+            _bytes_of(array[0]) for array in (sensed.motion, sensed.near, sensed.obstacles)
         )
 
     def read(self, packed: Packed) -> None:
@@ -69,8 +82,8 @@ class SensedReader:
             ValueError: the byte strings are not whole rows, or too many.
         """
         motion, near, obstacles = packed
-        near_count, near_rest = divmod(len(near), 40)
-        obstacle_count, obstacle_rest = divmod(len(obstacles), 24)
+        near_count, near_rest = divmod(len(near), _NEAR_BYTES)
+        obstacle_count, obstacle_rest = divmod(len(obstacles), _OBSTACLE_BYTES)
         if near_rest or obstacle_rest or near_count > MAX_NEAR or obstacle_count > MAX_OBSTACLES:
             raise ValueError(f"{len(near)} and {len(obstacles)} bytes are not what a drone senses")
         self._motion[:] = motion

@@ -91,6 +91,11 @@ def encode(note: SlotNote) -> tuple[Any, ...]:
     return (note.digest, int(note.settled), int(note.amnesiac), *note[3:8], had, packed)
 
 
+def quiet_note(digest: int) -> tuple[int, int]:
+    """An encoded quiet, settled note."""
+    return digest, 1
+
+
 def quiet_digest(obj: object) -> int | None:
     """The digest of an encoded quiet, settled note, which nearly every frame carries; None for any other."""
     if type(obj) is list and len(obj) == 2:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from agent.control.follow import Following, follow_row
 from agent.control.gains import GAINS
 from agent.control.safety import safety_filter
-from agent.desk import Desk, Rules, Views, Work
+from agent.desk import Desk, Rules, Shape, Views, Work
 from agent.memory import Memory
 from agent.observation import aim_row, compressed, observe_row, observe_wide_row
 from agent.perceive import find_neighbours, recall_obstacles
@@ -24,6 +24,7 @@ from agent.policy.analytic_kernel import analytic
 from protocols import trigger
 from protocols.kernels import borrowed, inlined_kernel, kernel
 from protocols.mission import TICK_S
+from protocols.sensed import Sensed
 from world import referee
 from world.physics import move_world, sense_world
 
@@ -93,9 +94,11 @@ class Scratch(NamedTuple):
 
 
 @inlined_kernel
-def _look(world: int, stage: Stage, field: Field, desk: Desk, recall: bool) -> None:
+def _look(
+    world: int, stage: Stage, field: Field, rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed,
+    memory: Memory, recall: bool,
+) -> None:  # fmt: skip
     """Sense and perceive, for every drone of a world, where it is now."""
-    sensed, memory, rules = desk.sensed, desk.memory, desk.rules
     agents = stage.flying.shape[1]
     sense_world(
         world, stage.flying, stage.position, stage.velocity, field.target_mps * TICK_S * stage.ticks[world], field.target_mps,
@@ -107,23 +110,24 @@ def _look(world: int, stage: Stage, field: Field, desk: Desk, recall: bool) -> N
         if recall:
             recall_obstacles(memory, row, sensed, rules.remember_obstacles)
         aim_row(
-            row, agent, False, sensed, memory, desk.shape.offsets, desk.shape.parent, desk.views.slot_of, desk.views.occupant,
-            desk.work.chain_error, desk.work.slot_error,
+            row, agent, False, sensed, memory, shape.offsets, shape.parent, views.slot_of, views.occupant, work.chain_error,
+            work.slot_error,
         )  # fmt: skip
 
 
 @inlined_kernel
-def _observe(world: int, past: int, stage: Stage, desk: Desk) -> None:
+def _observe(
+    world: int, past: int, stage: Stage, rules: Rules, work: Work, sensed: Sensed, memory: Memory
+) -> None:
     """Note what every drone of a world observes now, ``past`` ticks before the last entry of the history."""
-    memory, work = desk.memory, desk.work
     place = PAST - 1 - past
     agents = stage.flying.shape[1]
     for agent in range(agents):
         row = world * agents + agent
         observe_row(
             row,
-            desk.rules.reach_m,
-            desk.sensed,
+            rules.reach_m,
+            sensed,
             memory,
             work.slot_error,
             stage.observation[place, world, agent],
@@ -135,13 +139,21 @@ def _observe(world: int, past: int, stage: Stage, desk: Desk) -> None:
         if past == 0:
             ex, ey = compressed(work.slot_error[row, 0], work.slot_error[row, 1])
             stage.target[world, agent, 0], stage.target[world, agent, 1] = ex, ey
-            observe_wide_row(row, desk.rules.reach_m, memory, stage.extra[world, agent])
+            observe_wide_row(row, rules.reach_m, memory, stage.extra[world, agent])
 
 
 @inlined_kernel
-def _expert(world: int, agent: int, stage: Stage, desk: Desk, scratch: Scratch) -> tuple[float, float]:
+def _expert(
+    world: int,
+    agent: int,
+    stage: Stage,
+    rules: Rules,
+    work: Work,
+    sensed: Sensed,
+    memory: Memory,
+    scratch: Scratch,
+) -> tuple[float, float]:
     """The expert's command, safe: the analytic controller with every obstacle of the field in view and no memory of sides."""
-    memory, sensed, work = desk.memory, desk.sensed, desk.work
     row = world * stage.flying.shape[1] + agent
     motion, count = sensed.motion[row], stage.obstacle_count[world]
     for index in range(count):
@@ -154,16 +166,23 @@ def _expert(world: int, agent: int, stage: Stage, desk: Desk, scratch: Scratch) 
     )  # fmt: skip
     return safety_filter(
         ax, ay, motion[2], motion[3], memory.near_count[row], memory.near_rel[row], memory.near_vel[row], count, scratch.rel,
-        scratch.radius, desk.rules.limits,
+        scratch.radius, rules.limits,
     )  # fmt: skip
 
 
 @inlined_kernel
 def _decentralized(
-    world: int, agent: int, age: int, stage: Stage, field: Field, desk: Desk
+    world: int,
+    agent: int,
+    age: int,
+    stage: Stage,
+    field: Field,
+    rules: Rules,
+    work: Work,
+    sensed: Sensed,
+    memory: Memory,
 ) -> tuple[float, float]:
     """A drone's command, safe: its plan of ``age`` ticks ago followed, or the analytic controller."""
-    memory, sensed, work, rules = desk.memory, desk.sensed, desk.work, desk.rules
     row = world * stage.flying.shape[1] + agent
     motion = sensed.motion[row]
     near_rel, near_vel = memory.near_rel[row], memory.near_vel[row]
@@ -189,9 +208,15 @@ def _decentralized(
 
 @inlined_kernel
 def _reconfigure(
-    world: int, stage: Stage, field: Field, rules: Rules, views: Views, work: Work, memory: Memory,
-    offsets: NDArray[np.float64], parent: NDArray[np.int16],
-) -> None:  # fmt: skip
+    world: int,
+    stage: Stage,
+    field: Field,
+    rules: Rules,
+    shape: Shape,
+    views: Views,
+    work: Work,
+    memory: Memory,
+) -> None:
     """The one swap of this tick that gains most, among drones within range that have rested; at once and known to all."""
     agents = stage.flying.shape[1]
     tick = stage.ticks[world]
@@ -206,13 +231,14 @@ def _reconfigure(
             if tick < stage.rested[world, other]:
                 continue
             theirs = stage.claim[world, other]
-            dx, dy = offsets[theirs, 0] - offsets[mine, 0], offsets[theirs, 1] - offsets[mine, 1]
+            dx = shape.offsets[theirs, 0] - shape.offsets[mine, 0]
+            dy = shape.offsets[theirs, 1] - shape.offsets[mine, 1]
             rx, ry = memory.near_rel[row, index, 0], memory.near_rel[row, index, 1]
             gain = 0.0
             if rules.swap_rule == trigger.CONTACT:
                 if agent < other:
                     gain = trigger.contact_gain(rx, ry, dx, dy, rules.margin_m)
-            elif parent[theirs] == mine:
+            elif shape.parent[theirs] == mine:
                 gain = trigger.tree_gain(
                     work.slot_error[row, 0], work.slot_error[row, 1], rx, ry, dx, dy, rules.margin_m
                 )
@@ -264,15 +290,19 @@ def _move(world: int, stage: Stage, field: Field) -> None:
 def begin(world: int, stage: Stage, field: Field, desk: Desk) -> None:
     """The first look of an episode; the history repeats it."""
     stage = borrowed(stage)
-    _look(world, stage, field, desk, True)
+    rules, shape, views = desk.rules, borrowed(desk.shape), borrowed(desk.views)
+    work, sensed, memory = borrowed(desk.work), borrowed(desk.sensed), borrowed(desk.memory)
+    _look(world, stage, field, rules, shape, views, work, sensed, memory, True)
     for past in range(PAST):
-        _observe(world, past, stage, desk)
+        _observe(world, past, stage, rules, work, sensed, memory)
 
 
 @kernel
 def fly(ticks: int, stage: Stage, field: Field, desk: Desk, scratch: Scratch) -> None:
     """Fly every world that is FLYING by ``ticks`` ticks, or to its end; plans were made now."""
     stage, scratch = borrowed(stage), borrowed(scratch)
+    rules, shape, views = desk.rules, borrowed(desk.shape), borrowed(desk.views)
+    work, sensed, memory = borrowed(desk.work), borrowed(desk.sensed), borrowed(desk.memory)
     agents = stage.flying.shape[1]
     for world in range(stage.flying.shape[0]):
         if stage.result[world] != FLYING:
@@ -288,29 +318,26 @@ def fly(ticks: int, stage: Stage, field: Field, desk: Desk, scratch: Scratch) ->
         for age in range(ticks):
             for agent in range(agents):
                 if stage.pilot[world] == EXPERT:
-                    ax, ay = _expert(world, agent, stage, desk, scratch)
+                    ax, ay = _expert(world, agent, stage, rules, work, sensed, memory, scratch)
                 else:
-                    ax, ay = _decentralized(world, agent, age, stage, field, desk)
+                    ax, ay = _decentralized(world, agent, age, stage, field, rules, work, sensed, memory)
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
             referee.judge_world(
                 world, stage.flying, stage.position, stage.claim, field.target_mps * TICK_S * stage.ticks[world],
-                stage.goal_x, stage.obstacle_count, stage.obstacles, desk.shape.offsets, desk.shape.parent, stage.is_leaf,
+                stage.goal_x, stage.obstacle_count, stage.obstacles, shape.offsets, shape.parent, stage.is_leaf,
                 field.spacing_m, field.edge_tolerance, field.collision_m, scratch.holder, stage.nearest, stage.edge_error,
                 stage.verdict,
             )  # fmt: skip
             _settle(world, stage, field)
             if stage.result[world] != FLYING:
                 break
-            _look(world, stage, field, desk, True)
-            if desk.rules.swap_rule != trigger.OFF:
-                _reconfigure(
-                    world, stage, field, desk.rules, desk.views, desk.work, desk.memory, desk.shape.offsets,
-                    desk.shape.parent,
-                )  # fmt: skip
+            _look(world, stage, field, rules, shape, views, work, sensed, memory, True)
+            if rules.swap_rule != trigger.OFF:
+                _reconfigure(world, stage, field, rules, shape, views, work, memory)
             left = ticks - 1 - age
             if left < PAST:
-                _observe(world, left, stage, desk)
+                _observe(world, left, stage, rules, work, sensed, memory)
 
 
 @kernel
@@ -324,6 +351,8 @@ def label(
         displacement, velocity_change: (E, N, H, 2) out: p(t + h + 1) - p(t) - (h + 1) dt v(t) [m] and v(t + h + 1) - v(t) [m/s].
     """
     stage, scratch = borrowed(stage), borrowed(scratch)
+    rules, shape, views = desk.rules, borrowed(desk.shape), borrowed(desk.views)
+    work, sensed, memory = borrowed(desk.work), borrowed(desk.sensed), borrowed(desk.memory)
     worlds, agents = stage.flying.shape
     horizon = displacement.shape[2]
     p, v = np.empty((agents, 2)), np.empty((agents, 2))
@@ -334,7 +363,7 @@ def label(
         p[:], v[:] = stage.position[world], stage.velocity[world]
         for step in range(horizon):
             for agent in range(agents):
-                ax, ay = _expert(world, agent, stage, desk, scratch)
+                ax, ay = _expert(world, agent, stage, rules, work, sensed, memory, scratch)
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
             ahead = (step + 1) * TICK_S
@@ -345,7 +374,7 @@ def label(
                     velocity_change[world, agent, step, axis] = (
                         stage.velocity[world, agent, axis] - v[agent, axis]
                     )
-            _look(world, stage, field, desk, False)
+            _look(world, stage, field, rules, shape, views, work, sensed, memory, False)
         stage.position[world], stage.velocity[world] = p, v
         stage.ticks[world] = tick
-        _look(world, stage, field, desk, False)
+        _look(world, stage, field, rules, shape, views, work, sensed, memory, False)

@@ -20,8 +20,11 @@ _BAD_USAGE = (
     "PlotError",
     "JournalError",
     "TrainingError",
+    "TableError",
 )
 _BROKEN = ("RunBroken", "CrewError")
+
+_TABLES = "The paper's tables"
 
 app = typer.Typer(
     name="rsc-swarm",
@@ -115,6 +118,7 @@ def launch(
         "evaluate",
         "evaluate --maps 20 --starts 1",
         "evaluate --mission dense --swap tree --json dense-tree.json",
+        "evaluate --table 1 --maps 20",
     )
 )
 @with_options
@@ -137,31 +141,96 @@ def evaluate(
             help="Write the results as JSON. Finished flights are kept beside it, to go on after a stop.",
         ),
     ] = None,
+    table: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1|2|3|harder",
+            help="Fly a whole table instead, beside the paper's figures.",
+            rich_help_panel=_TABLES,
+        ),
+    ] = None,
+    rows: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Only these rows of it, e.g. [bold]rsc-h20,expert[/] or [bold]n36/ours[/].",
+            rich_help_panel=_TABLES,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Where tables go, as JSON, CSV and Markdown; a second call flies what is missing. (tables)",
+            rich_help_panel=_TABLES,
+        ),
+    ] = None,
 ) -> None:
-    """Fly many maps and starts and print one row of a table. Start k of map m has seed 1000 m + k."""
+    """Fly many maps and starts and print one row of a table, or a whole table. Start k of map m has seed 1000 m + k."""
     _announce_compiling()
-    from rsc_swarm import evaluate_command
+    if (table, rows, out) == (None, None, None):
+        from rsc_swarm import evaluate_command
 
-    raise typer.Exit(evaluate_command.run(options, maps, starts, seed_base, workers, json))
+        raise typer.Exit(evaluate_command.run(options, maps, starts, seed_base, workers, json))
+    from rsc_swarm.tables import command
+
+    raise typer.Exit(command.run(table, rows, out, options, maps, starts, seed_base, workers, json))
 
 
-@app.command(epilog=_examples("plot --map 8 --out flight.png", "plot --run-dir flights/1 --out flight.svg"))
+@app.command(epilog=_examples("tables", "tables docs/results > docs/results.md"))
+def tables(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where evaluate --table put them.")] = Path(
+        "tables"
+    ),
+) -> None:
+    """Print the tables flown so far as one page of Markdown."""
+    from rsc_swarm.tables import command
+
+    command.show(folder)
+
+
+@app.command(
+    epilog=_examples(
+        "plot --map 8 --out flight.png",
+        "plot --run-dir flights/1 --out flight.svg",
+        "plot --compare 25,36 --map 8",
+        "plot --horizons tables/table-1.json",
+    )
+)
 @with_options
 def plot(
     options: MissionOptions,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Picture to write: .png, .svg, .pdf.")] = Path(
-        "flight.png"
-    ),
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Picture to write: .png, .svg, .pdf. (flight.png)"),
+    ] = None,
     run_dir: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Draw the flight recorded here instead of flying the mission."),
     ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,N",
+            help="Fly the mission with each of these numbers of drones, one picture below the other.",
+        ),
+    ] = None,
+    horizons: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Draw success against horizon, from the JSON of evaluate --table 1."
+        ),
+    ] = None,
+    curve: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Draw the learning curves of a training; may be repeated."),
+    ] = None,
 ) -> None:
-    """Draw a flight: every drone's path, the obstacles, the formation reached."""
+    """Draw a flight: every drone's path, the obstacles, the formation reached. Or a table, or a training."""
     _announce_compiling()
     from rsc_swarm import plot_command
 
-    plot_command.run(options, out, run_dir)
+    plot_command.run(options, out, plot_command.Subject(run_dir, compare, horizons, tuple(curve or ())))
 
 
 @app.command(

@@ -14,6 +14,8 @@ from typing import Any
 
 from protocols.mission import Mission
 from protocols.status import SWAP_COUNTS
+from rsc_swarm.batch import Batch
+from rsc_swarm.expert import EXPERT, fly_expert
 from rsc_swarm.simulate import Simulation
 from world.core import Outcome
 from world.field import FieldError, draw_obstacles, draw_start
@@ -46,7 +48,15 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
     Raises:
         world.field.FieldError: one of the maps leaves no room to start.
     """
-    simulation = _simulation(mission, seeds)
+    if mission.policy == EXPERT:
+        for said in fly_expert(_missions(mission, seeds), _TELL_EVERY):
+            if isinstance(said, int):
+                yield said
+            else:
+                world, ended, watched, swaps = said
+                yield Flight(*seeds[world], ended, watched, swaps)
+        return
+    simulation = Simulation(_missions(mission, seeds))
     agents = mission.agents
     flown = 0
     while simulation.world.active.any():
@@ -65,27 +75,37 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
             yield Flight(*seeds[world], outcome, simulation.watches[world].result(), swaps)
 
 
-def _simulation(mission: Mission, seeds: list[Seeds]) -> Simulation:
+def _missions(mission: Mission, seeds: list[Seeds]) -> list[Mission]:
     missions = [mission.model_copy(update={"map_seed": map_seed, "seed": seed}) for map_seed, seed in seeds]
     for one in missions:
         try:
             draw_start(one, draw_obstacles(one))
         except FieldError as error:
             raise FieldError(f"map {one.map_seed}, seed {one.seed}: {error}") from None
-    return Simulation(missions)
+    return missions
+
+
+def _rehearse(mission: Mission, seeds: Seeds) -> None:
+    """Load every kernel, but nothing that must not be forked."""
+    missions = _missions(mission, [seeds])
+    if mission.policy == EXPERT:
+        Batch(missions).fly(1)
+    else:
+        Simulation(missions, rehearsal=True).tick()
 
 
 def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flight | int]:
     """`fly_batch` for many seeds on ``workers`` processes.
 
     Raises:
-        CrewError: a worker died or broke. world.field.FieldError: one of the maps leaves no room to start.
+        CrewError: a worker died or broke. protocols.mission.MissionError: the expert cannot fly this.
+        world.field.FieldError: one of the maps leaves no room to start.
     """
     size = max(1, min(_ROWS // mission.agents, -(-len(seeds) // workers)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     if not batches:
         return
-    _simulation(mission, seeds[:1]).tick()  # loads every kernel before the fork
+    _rehearse(mission, seeds[0])
     crew = [_Worker(mission, number) for number in range(min(workers, len(batches)))]
     try:
         for worker in crew:

@@ -6,6 +6,7 @@ judged on maps it was made for.
 """
 
 import math
+import os
 from contextlib import nullcontext
 from pathlib import Path
 from statistics import fmean
@@ -113,6 +114,17 @@ def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
     return [
         (m, m * STARTS_PER_MAP + start) for m in range(seed_base, seed_base + maps) for start in range(starts)
     ]
+
+
+def crew_size(workers: int | None) -> int:
+    """How many processes fly: ``workers``, or one per processor.
+
+    Raises:
+        MissionError: fewer than one.
+    """
+    if workers is not None and workers < 1:
+        raise MissionError(f"--workers: give at least 1, not {workers}")
+    return workers or len(os.sched_getaffinity(0))
 
 
 def evaluate(

@@ -1,30 +1,25 @@
 """``rsc-swarm evaluate``: progress while it flies, the table row, and the failures as commands."""
 
-import os
 import sys
 import time
 from contextlib import closing
 from pathlib import Path
-from statistics import fmean
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 from rich.text import Text
 
 from protocols.mission import MissionError
-from rsc_swarm.crew import Flight
-from rsc_swarm.evaluate import Evaluation, Watcher, evaluate, journal_path, seeds_of, summarise
+from rsc_swarm.evaluate import Evaluation, crew_size, evaluate, journal_path, seeds_of, summarise
 from rsc_swarm.fly_command import check_json
 from rsc_swarm.journal import fingerprint
 from rsc_swarm.options import MissionOptions, command_line, resolve
+from rsc_swarm.progress import TICKS_GUESS, Flights, Gauge
 from rsc_swarm.render import console
 from rsc_swarm.rundir import write_whole
 
 _SHOWN_FAILURES = 20
-_LINE_EVERY_S = 10.0
-_DRAW_EVERY_S = 0.25
 
 
 def run(
@@ -39,18 +34,18 @@ def run(
         raise MissionError(
             "--map and --seed: evaluate chooses the seeds; use --seed-base, --maps and --starts"
         )
-    if workers is not None and workers < 1:
-        raise MissionError(f"--workers: give at least 1, not {workers}")
+    crew = crew_size(workers)
     mission = resolve(options)
     seeds = seeds_of(seed_base, maps, starts)
     check_json(json)
     code = fingerprint(mission)
     journal = journal_path(Path(json), code) if json and json != "-" else None
-    crew = workers or len(os.sched_getaffinity(0))
     begin = time.monotonic()
-    progress = _Progress(0.75 * mission.ticks)
+    gauge = Gauge()
+    progress = Flights(TICKS_GUESS * mission.ticks, gauge)
     try:
-        with closing(progress):
+        with closing(gauge):
+            gauge.begin(f"{len(seeds)} flights")
             flights = evaluate(mission, seeds, crew, journal, progress)
     except KeyboardInterrupt:
         failed = sum(not flight.outcome.success for flight in progress.flights)
@@ -71,65 +66,6 @@ def run(
     out.print(render(result, rich=out.is_terminal))
     _print_notes(out, result, options, time.monotonic() - begin)
     return 0
-
-
-class _Progress(Watcher):
-    """A bar on a terminal, a line now and then elsewhere. Drawn without a thread, when a worker reports."""
-
-    def __init__(self, ticks_guess: float) -> None:
-        """``ticks_guess``: how long a flight may take, until some have been flown."""
-        self.flights: list[Flight] = []
-        self._known, self._missing, self._ticks, self._guess = 0, 0, 0, ticks_guess
-        self._begin = self._told = time.monotonic()
-        screen = console(sys.stderr)
-        columns = (BarColumn(24), TextColumn("{task.description}"))
-        on_terminal = screen.is_terminal
-        self._bar = (
-            Progress(*columns, console=screen, auto_refresh=False, transient=True) if on_terminal else None
-        )
-
-    def begin(self, known: list[Flight], missing: int) -> None:
-        self.flights, self._known, self._missing = list(known), len(known), missing
-        self._begin = self._told = time.monotonic()
-        if self._bar:
-            self._bar.start()
-            self._task = self._bar.add_task(self._said(), total=1.0)
-            self._bar.refresh()
-
-    def ticks(self, flown: int) -> None:
-        self._ticks += flown
-        self._tell(_DRAW_EVERY_S if self._bar else _LINE_EVERY_S)
-
-    def flight(self, flight: Flight) -> None:
-        self.flights.append(flight)
-
-    def close(self) -> None:
-        """Take the bar off the screen."""
-        if self._bar:
-            self._bar.stop()
-
-    def _tell(self, every_s: float) -> None:
-        now = time.monotonic()
-        if now - self._told < every_s:
-            return
-        self._told = now
-        if self._bar:
-            self._bar.update(self._task, completed=self._share(), description=self._said())
-            self._bar.refresh()
-        else:
-            print(self._said(), file=sys.stderr, flush=True)
-
-    def _share(self) -> float:
-        """The share of the work that is done, by ticks: flights end in bunches."""
-        fresh = [flight.outcome.ticks for flight in self.flights[self._known :]]
-        length = fmean(fresh) if fresh else self._guess
-        return min(1.0, self._ticks / max(1.0, length * self._missing))
-
-    def _said(self) -> str:
-        failed = sum(not flight.outcome.success for flight in self.flights)
-        text = f"{len(self.flights)} of {self._known + self._missing} flights, {failed or 'none'} failed"
-        share, spent = self._share(), time.monotonic() - self._begin
-        return text + (f", {spent / share - spent:.0f} s left" if share > 0.02 else "")
 
 
 def _row(result: Evaluation) -> dict[str, str]:

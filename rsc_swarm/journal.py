@@ -10,6 +10,7 @@ import inspect
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -20,6 +21,8 @@ import numpy as np
 from agent.policy import find_policy
 from protocols.mission import Mission
 from rsc_swarm.crew import Flight, Seeds
+from rsc_swarm.expert import EXPERT
+from rsc_swarm.expert import FILES as EXPERT_FILES
 from world.core import Outcome
 from world.watch import Watched
 
@@ -39,7 +42,7 @@ def fingerprint(mission: Mission) -> str:
     """
     fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
     digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
-    digest.update(f"{numba.__version__} {np.__version__}".encode())
+    digest.update(f"{numba.__version__} {np.__version__} {version('onnxruntime')}".encode())
     for path in _deciding_files(mission):
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -49,11 +52,16 @@ def _deciding_files(mission: Mission) -> Iterator[Path]:
     for place in _DECIDING:
         path = _ROOT / place
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.is_file() and "__pycache__" not in file.parts:
+            if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".onnx":
                 yield file
-    policy = inspect.getsourcefile(type(find_policy(mission.policy, mission)))
-    if policy and not Path(policy).is_relative_to(_ROOT):
-        yield Path(policy)
+    if mission.policy == EXPERT:
+        yield from EXPERT_FILES
+        return
+    policy = find_policy(mission.policy, mission)
+    source = inspect.getsourcefile(type(policy))
+    if source and not Path(source).is_relative_to(_ROOT):
+        yield Path(source)
+    yield from getattr(policy, "files", ())
 
 
 class Journal:
@@ -72,7 +80,7 @@ class Journal:
         except OSError:
             self._file.close()
             raise JournalError(
-                f"{path}: another evaluation is writing here; give another --json file"
+                f"{path}: another evaluation is writing here; wait for it or write elsewhere"
             ) from None
         self._file.seek(0)
         text = self._file.read()

@@ -216,7 +216,7 @@ class _Launch:
 
 def warm_up(mission: Mission) -> None:
     """Load (or on the very first run compile) every kernel a flight needs, before forking."""
-    simulation = Simulation([mission.model_copy(update={"faults": ()})])
+    simulation = Simulation([mission.model_copy(update={"faults": ()})], rehearsal=True)
     simulation.tick()
     rehearse(mission)
 

@@ -1,8 +1,6 @@
-"""The picture of a flight, seen from above: the drones' paths, the obstacles, the formation reached.
+"""The picture of a flight, seen from above: the drones' paths, the obstacles, the formation reached."""
 
-Needs matplotlib (``pip install 'rsc-swarm[plot]'``), which nothing else does.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,14 +10,11 @@ from numpy.typing import NDArray
 
 from protocols.formation import NO_PARENT, Formation
 from protocols.mission import Mission
+from rsc_swarm.canvas import ALARM, FAINT, INK, ROCK, PlotError, bare, new_figure, save
 
-_INK, _FAINT, _ROCK, _ALARM = "#1f2933", "#9aa5b1", "#52606d", "#d64545"
+_WIDTH = 11.0  # inches
 _COLOURS = "turbo"
 _SMOOTH_TICKS = 4  # a path needs no more points than this
-
-
-class PlotError(RuntimeError):
-    """No picture can be made; one line says why."""
 
 
 @dataclass(frozen=True)
@@ -53,44 +48,35 @@ def load_track(path: Path, tau_s: float | None, failure: str | None, verdict: st
         raise PlotError(f"{path}: is not a recorded flight ({' '.join(str(error).split())})") from None
 
 
-def draw(track: Track, mission: Mission, out: Path) -> None:
-    """Draw ``track`` into the file ``out``; its ending chooses the format.
+def draw(flights: Sequence[tuple[Track, Mission]], out: Path) -> None:
+    """Draw ``flights``, one below the other and to the same scale, into the file ``out``.
 
     Raises:
         PlotError: matplotlib is missing, or cannot write this file.
     """
-    try:
-        import matplotlib
-    except ImportError:
-        raise PlotError("plot needs matplotlib: pip install 'rsc-swarm[plot]'") from None
-    matplotlib.use("Agg")
-    from matplotlib.figure import Figure
+    frames = [_frame(track) for track, _ in flights]
+    left, right = min(low[0] for low, _ in frames), max(high[0] for _, high in frames)
+    heights = [float(high[1] - low[1]) for low, high in frames]
+    across = _WIDTH / (right - left)
+    tall = sum(heights) * across + 0.4 + 0.6 * len(flights)
+    figure = new_figure(_WIDTH, float(np.clip(tall, 3.2, 11.0 * len(flights))))
+    panels = figure.subplots(len(flights), squeeze=False, height_ratios=heights)[:, 0]
+    for axes, (track, mission), (low, high) in zip(panels, flights, frames, strict=True):
+        _draw_flight(axes, track, mission)
+        axes.set(xlim=(left, right), ylim=(low[1], high[1]), aspect="equal", ylabel="y, m")
+    panels[-1].set_xlabel("x, m")
+    save(figure, out)
 
-    low, high = _frame(track)
-    width = 11.0
-    figure = Figure(
-        figsize=(width, float(np.clip(width * (high[1] - low[1]) / (high[0] - low[0]) + 1.0, 3.2, 11.0)))
-    )
-    axes = figure.add_subplot()
+
+def _draw_flight(axes: Any, track: Track, mission: Mission) -> None:
+    bare(axes)
     _draw_field(axes, track, mission)
     _draw_midway(axes, track, mission.plan)
     _draw_paths(axes, track, mission)
     _draw_formation(axes, track, mission.plan)
     _draw_events(axes, track, mission)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x, m", ylabel="y, m")
-    for side in ("top", "right", "left", "bottom"):
-        axes.spines[side].set_visible(False)
-    axes.tick_params(colors=_ROCK, length=0, labelsize=9)
-    axes.xaxis.label.set_color(_ROCK)
-    axes.yaxis.label.set_color(_ROCK)
-    axes.set_title(track.verdict, loc="left", fontsize=12, color=_ALARM if track.failure else _INK, pad=10)
+    axes.set_title(track.verdict, loc="left", fontsize=12, color=ALARM if track.failure else INK, pad=10)
     _draw_legend(axes, track)
-    figure.tight_layout()
-    try:
-        figure.savefig(out, dpi=160, facecolor="white")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise PlotError(f"--out {out}: cannot be written ({reason})") from None
 
 
 def _frame(track: Track) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -116,12 +102,10 @@ def _draw_field(axes: Any, track: Track, mission: Mission) -> None:
     for x, y, radius in track.obstacles:
         keep_off = radius + mission.limits.collision_m
         axes.add_patch(
-            Circle((x, y), keep_off, facecolor="none", edgecolor=_ROCK, lw=0.8, ls=(0, (2, 2)), zorder=2)
+            Circle((x, y), keep_off, facecolor="none", edgecolor=ROCK, lw=0.8, ls=(0, (2, 2)), zorder=2)
         )
-        axes.add_patch(Circle((x, y), radius, facecolor=_ROCK, edgecolor="none", zorder=2))
-    axes.axvline(track.goal_x, color=_INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
-    axes.grid(color="#e4e7eb", lw=0.6, zorder=0)
-    axes.set_axisbelow(True)
+        axes.add_patch(Circle((x, y), radius, facecolor=ROCK, edgecolor="none", zorder=2))
+    axes.axvline(track.goal_x, color=INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
 
 
 def _edges(track: Track, plan: Formation, tick: int) -> list[NDArray[np.float64]]:
@@ -140,7 +124,7 @@ def _draw_midway(axes: Any, track: Track, plan: Formation) -> None:
 
     end = _last_tick(track)
     axes.add_collection(
-        LineCollection(_edges(track, plan, end // 2), colors=_ROCK, lw=1.0, alpha=0.75, zorder=5)
+        LineCollection(_edges(track, plan, end // 2), colors=ROCK, lw=1.0, alpha=0.75, zorder=5)
     )
     for agent, colour in enumerate(_colours(track)):
         if track.flying[end // 2, agent]:
@@ -153,7 +137,7 @@ def _draw_midway(axes: Any, track: Track, plan: Formation) -> None:
             axes.annotate(
                 f"{tick * track.tick_s:.1f} s", (float(flying[:, 0].mean()), 1.0), (0, -4),
                 xycoords=("data", "axes fraction"), textcoords="offset points", ha="center", va="top",
-                color=_ROCK, fontsize=10,
+                color=ROCK, fontsize=10,
             )  # fmt: skip
 
 
@@ -181,10 +165,10 @@ def _draw_formation(axes: Any, track: Track, plan: Formation) -> None:
     from matplotlib.collections import LineCollection
 
     tick = _last_tick(track)
-    axes.add_collection(LineCollection(_edges(track, plan, tick), colors=_INK, lw=1.4, zorder=5))
+    axes.add_collection(LineCollection(_edges(track, plan, tick), colors=INK, lw=1.4, zorder=5))
     for agent, colour in enumerate(_colours(track)):
         if track.flying[tick, agent]:
-            axes.plot(*track.positions[tick, agent], "o", ms=7, color=colour, mec=_INK, mew=1.0, zorder=6)
+            axes.plot(*track.positions[tick, agent], "o", ms=7, color=colour, mec=INK, mew=1.0, zorder=6)
 
 
 def _draw_events(axes: Any, track: Track, mission: Mission) -> None:
@@ -193,19 +177,19 @@ def _draw_events(axes: Any, track: Track, mission: Mission) -> None:
     flew = track.flying[ticks, agents]
     swapped = track.positions[ticks[flew], agents[flew]]
     size, edge = (4.5, 1.0) if len(swapped) <= 40 else (3.0, 0.7)
-    axes.plot(*swapped.T, "D", ms=size, mfc="white", mec=_INK, mew=edge, zorder=7)
+    axes.plot(*swapped.T, "D", ms=size, mfc="white", mec=INK, mew=edge, zorder=7)
     for agent in np.flatnonzero(~track.flying[-1] & track.flying[0]):
         last = int(np.flatnonzero(track.flying[:, agent])[-1])
-        axes.plot(*track.positions[last, agent], "X", ms=9, color=_ALARM, mec="white", mew=0.8, zorder=8)
+        axes.plot(*track.positions[last, agent], "X", ms=9, color=ALARM, mec="white", mew=0.8, zorder=8)
     if track.failure == "collision":
         x, y = _collision(track)
-        axes.plot(x, y, "o", ms=22, mfc="none", mec=_ALARM, mew=2.2, zorder=9)
+        axes.plot(x, y, "o", ms=22, mfc="none", mec=ALARM, mew=2.2, zorder=9)
         axes.annotate(
             "collision",
             (x, y),
             (14, 14),
             textcoords="offset points",
-            color=_ALARM,
+            color=ALARM,
             fontsize=11,
             weight="bold",
             zorder=9,
@@ -238,17 +222,17 @@ def _draw_legend(axes: Any, track: Track) -> None:
 
     end = "in formation" if track.failure is None else "at the end"
     handles = [
-        mark("start", marker="o", ms=4, color=_FAINT, lw=0, mew=0),
-        mark(end, marker="o", ms=7, color=_INK, mfc="white", mec=_INK, lw=1.4),
+        mark("start", marker="o", ms=4, color=FAINT, lw=0, mew=0),
+        mark(end, marker="o", ms=7, color=INK, mfc="white", mec=INK, lw=1.4),
     ]
     if np.diff(track.slots.astype(np.int64), axis=0).any():
-        handles.append(mark("swap", marker="D", ms=4.5, mfc="white", mec=_INK, lw=0))
+        handles.append(mark("swap", marker="D", ms=4.5, mfc="white", mec=INK, lw=0))
     if not track.flying.all():
-        handles.append(mark("lost", marker="X", ms=8, color=_ALARM, mec="white", lw=0))
+        handles.append(mark("lost", marker="X", ms=8, color=ALARM, mec="white", lw=0))
     if len(track.obstacles):
-        handles.append(mark("obstacle", marker="o", ms=8, color=_ROCK, lw=0))
-    handles.append(mark("goal", color=_INK, lw=1.2, ls=(0, (4, 3))))
+        handles.append(mark("obstacle", marker="o", ms=8, color=ROCK, lw=0))
+    handles.append(mark("goal", color=INK, lw=1.2, ls=(0, (4, 3))))
     axes.legend(
         handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), frameon=False,
-        fontsize=9, labelcolor=_ROCK, handletextpad=0.5, columnspacing=1.4, borderaxespad=0.3,
+        fontsize=9, labelcolor=ROCK, handletextpad=0.5, columnspacing=1.4, borderaxespad=0.3,
     )  # fmt: skip

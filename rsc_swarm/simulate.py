@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agent.core import AgentCore
-from protocols.frames import REASONS, empty_frames, encode_frame, swarm_tag
+from protocols.frames import REASONS, FrameCodec, empty_frames, swarm_tag
 from protocols.mission import Mission
 from protocols.status import AgentStatus
 from protocols.swap import encode
@@ -20,8 +20,8 @@ from world.watch import Watch
 class Simulation:
     """E worlds of N drones, all in step."""
 
-    def __init__(self, missions: Sequence[Mission]) -> None:
-        """Make the worlds and the drones.
+    def __init__(self, missions: Sequence[Mission], rehearsal: bool = False) -> None:
+        """Make the worlds and the drones; for a ``rehearsal``, in a process that will fork, they open nothing.
 
         Raises:
             world.field.FieldError, agent.policy.PolicyError: as WorldCore and AgentCore.
@@ -34,13 +34,17 @@ class Simulation:
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
         self.agents = AgentCore(
-            self.mission, me, initial, self.world.sensed, self._frames, self.world.inbox_size
+            self.mission,
+            me,
+            initial,
+            self.world.sensed,
+            self._frames,
+            self.world.inbox_size,
+            rehearsal=rehearsal,
         )
         self.watches = [Watch(agents, self.mission.swap.cooldown_s) for _ in missions]
-        self._tag = swarm_tag(self.mission.swarm)
-        self._quiet_bytes = len(
-            encode_frame(self._tag, empty_frames(1), 0, encode(self.agents.parties.party[0].note(0)))
-        )
+        self._codec = FrameCodec(swarm_tag(self.mission.swarm), self._frames)
+        self._quiet_bytes = len(self._codec.encode(0, encode(self.agents.parties.party[0].note(0))))
         self._boots = np.zeros(self._rows, np.int64)
         self.frame_bytes = np.zeros(self._rows, np.int64)  # of the last tick, 0 for a drone that sent nothing
         self.clock = 0
@@ -97,9 +101,7 @@ class Simulation:
         # Nine bytes per drone known; msgpack's head for 256 bytes of displacements or more is one byte longer.
         sizes = np.where(sent, self._quiet_bytes + 9 * known + (8 * known > 255), 0)
         for row in np.flatnonzero(sent & (self._frames.loud[rows] > 0)):
-            sizes[row] = len(
-                encode_frame(self._tag, self._frames, first + row, encode(self.agents.notes[first + row]))  # type: ignore[arg-type]
-            )
+            sizes[row] = len(self._codec.encode(first + row, encode(self.agents.notes[first + row])))  # type: ignore[arg-type]
         return sizes
 
 

@@ -14,6 +14,8 @@ from typer.main import get_command
 from protocols.mission import Fault, Mission, parse_mission
 from rsc_swarm.cli import app
 from rsc_swarm.options import shipped_missions
+from rsc_swarm.tables.markdown import page
+from rsc_swarm.tables.result import read_tables
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "deploy" / "README.md"]
@@ -97,6 +99,11 @@ def test_files_that_are_named_are_there(document: Path) -> None:
         r"`((?:tests|agent|world|protocols|rsc_swarm|deploy)/[\w/]+\.\w+)`", document.read_text()
     ):
         assert (ROOT / name).is_file(), name
+
+
+def test_the_results_are_those_of_the_committed_tables() -> None:
+    results = ROOT / "docs" / "results"
+    assert (ROOT / "docs" / "results.md").read_text() == page(read_tables(results))
 
 
 def test_the_example_mission_can_be_flown() -> None:

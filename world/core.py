@@ -236,12 +236,11 @@ class WorldCore:
         return self._settle()
 
     def _settle(self) -> list[int]:
-        mission = self.missions[0]
+        mission, hold_ticks = self.missions[0], round(self.missions[0].hold_s / TICK_S)
         ended: list[int] = []
-        hold_ticks = round(mission.hold_s / TICK_S)
+        verdicts = self.verdict.tolist()  # a few numbers of each: NumPy's own cost more than the rules
         for world in np.flatnonzero(self.active).tolist():
-            verdict = self.verdict[world].tolist()
-            formed = verdict[referee.FORMED] > 0
+            verdict, tick = verdicts[world], int(self.tick[world])
             self._hash(world)
             self._overlap_ticks[world] += verdict[referee.SHARED_SLOTS]
             closest = min(verdict[referee.CLOSEST_AGENTS], verdict[referee.CLOSEST_OBSTACLE])
@@ -249,21 +248,23 @@ class WorldCore:
                 self._closest[world] = closest
                 self._closest_text[world] = self._describe_closest(world)
             if self._formed_tick[world] < 0 and verdict[referee.STANDING] > 0:
-                self._formed_tick[world] = self.tick[world]
-            if self._tau_tick[world] < 0 and formed:
-                self._tau_tick[world] = self.tick[world]
-                self._at_tau[world] = verdict
-            elif self._tau_tick[world] >= 0:
+                self._formed_tick[world] = tick
+            formed = verdict[referee.FORMED] > 0
+            if self._tau_tick[world] >= 0:
                 self._held[world] &= formed
+            elif formed:
+                self._tau_tick[world] = tick
+                self._at_tau[world] = verdict
+            tau = int(self._tau_tick[world])
             failure = None
             if verdict[referee.COLLIDED] > 0:
                 failure = "collision"
-            elif self._tau_tick[world] < 0 and self.tick[world] >= mission.ticks:
+            elif tau < 0 and tick >= mission.ticks:
                 failure = "late"
-            if failure or 0 <= self._tau_tick[world] <= self.tick[world] - hold_ticks:
-                self.outcomes[world] = self._outcome(int(world), failure)
+            if failure or 0 <= tau <= tick - hold_ticks:
+                self.outcomes[world] = self._outcome(world, failure)
                 self.active[world] = False
-                ended.append(int(world))
+                ended.append(world)
         return ended
 
     def end(self, world: int, failure: str) -> Outcome:

@@ -21,7 +21,7 @@ import numpy as np
 from protocols import messages
 from protocols.dynamics import ABSURD_MPS2
 from protocols.mission import TICK_S, Mission
-from protocols.sensed import pack_sensed
+from protocols.sensed import SensedPacker
 from protocols.status import AgentStatus, parse_status
 from world.core import Outcome, WorldCore
 from world.medium import TALLY
@@ -121,9 +121,12 @@ class WorldServer:
         self._boots = [0] * agents
         self._ready = [False] * agents
         self._frames: list[list[bytes]] = [[b""] * agents for _ in range(self.core.ring)]
-        self._command = np.zeros((agents, 2))
-        self._sent_bytes = np.zeros(agents, np.int64)
-        self._claim = self.core.claim[0].copy()
+        self._sensors = SensedPacker(self.core.sensed)
+        self._now = 0  # the tick
+        # Lists, because they are filled number by number.
+        self._command = [(0.0, 0.0)] * agents
+        self._sent_bytes = [0] * agents
+        self._claim: list[int] = self.core.claim[0].tolist()
         self._statuses: dict[int, AgentStatus] = {}
         self._watch = Watch(agents, mission.swap.cooldown_s)
         self._sizes: list[int] = []
@@ -199,7 +202,7 @@ class WorldServer:
                 waiting.discard(heard)
 
     def _tick(self, started: float) -> None:
-        core, tick = self.core, int(self.core.tick[0])
+        core, tick = self.core, self._now
         for event in core.begin_tick():
             self._watch.fault(tick)
             if event.fault.kind == "restart":
@@ -209,17 +212,22 @@ class WorldServer:
                     self._asked[agent] = self._answered[agent]
             self._control.apply(event.fault.kind, event.agents)
         self._lose(self._control.lost())
+        awake = self._awake()
         if self._clock == "lockstep":
-            self._await(lambda agent: self._ready[agent])
-        awake = [agent for agent in self._awake() if self._ready[agent]]
-        self._sent_bytes[:] = 0
-        self._say_tick(tick, awake)
+            awake = self._await(awake, lambda agent: self._ready[agent])
+        self._sent_bytes = [0] * self._mission.agents
+        self._say_tick(tick, [agent for agent in awake if self._ready[agent]])
         if self._clock == "lockstep":
-            self._await(lambda agent: self._answered[agent] >= tick)
+            awake = self._await(awake, lambda agent: self._answered[agent] >= tick)
         else:
-            self._keep_time(tick, started + (tick + 1) * TICK_S)
-        self._watch.tick(tick, self._awake())
-        core.advance(self._command, self._sent_bytes, self._claim)
+            awake = self._keep_time(tick, started + (tick + 1) * TICK_S)
+        self._watch.tick(tick, awake)
+        core.advance(
+            np.array(self._command, np.float64),
+            np.array(self._sent_bytes, np.int64),
+            np.array(self._claim, np.int16),
+        )
+        self._now = int(core.tick[0])
         if core.active[0] and self._watch.breach:
             core.end(0, "broken-invariant")
         elif core.active[0] and self._control.leaving():
@@ -231,26 +239,30 @@ class WorldServer:
         return np.flatnonzero(self.core.rows_awake).tolist()
 
     def _say_tick(self, tick: int, awake: list[int]) -> None:
-        sensed = self.core.sense()
+        self.core.sense()
         start, arrived = self.core.deliver()
         ring, frames = self.core.ring, self._frames
-        pairs = arrived.tolist()
+        bounds, sources = start.tolist(), arrived[:, 0].astype(np.uint8).tobytes()
+        payloads = [frames[sent % ring][source] for source, sent in arrived.tolist()]
         for agent in awake:
             if self._asked[agent] - self._answered[agent] > _BACKLOG:
                 continue
             self._asked[agent] = tick
-            heard = pairs[start[agent] : start[agent + 1]]
-            sources = bytes([source for source, _ in heard])
-            payloads = [frames[sent % ring][source] for source, sent in heard]
-            message = messages.pack(messages.TICK, tick, pack_sensed(sensed, agent), sources, payloads)
+            first, end = bounds[agent], bounds[agent + 1]
+            message = messages.pack(
+                messages.TICK, tick, self._sensors.pack(agent), sources[first:end], payloads[first:end]
+            )
             self._question[agent] = message
             self._told += 1
             self._told_bytes += len(message)
             self._link.send(agent, message)
 
-    def _await(self, done: Callable[[int], bool]) -> None:
-        """Receive until every awake drone is done; the drones are told meanwhile that the world is alive."""
-        waiting = {agent for agent in self._awake() if not done(agent)}
+    def _await(self, awake: list[int], done: Callable[[int], bool]) -> list[int]:
+        """Receive until every awake drone is done; return who is awake then.
+
+        The drones are told meanwhile that the world is alive.
+        """
+        waiting = {agent for agent in awake if not done(agent)}
         deadline = time.monotonic() + _ANSWER_S
         while waiting:
             heard = self._receive(messages.WAIT_EVERY_S)
@@ -259,12 +271,14 @@ class WorldServer:
             elif heard is None:
                 self._pulse()
                 self._lose(self._control.lost())
-                waiting &= set(self._awake())
+                awake = self._awake()
+                waiting.intersection_update(awake)
             if self._control.leaving():
-                return
+                break
             if time.monotonic() > deadline:
                 self._lose(list(waiting))
-                return
+                return self._awake()
+        return awake
 
     def _pulse(self) -> None:
         """Tell all drones, now and then, that the world is alive."""
@@ -273,8 +287,8 @@ class WorldServer:
             for agent in self._awake():
                 self._link.send(agent, messages.pack(messages.WAIT))
 
-    def _keep_time(self, tick: int, deadline: float) -> None:
-        """Receive until the wall clock says that the tick is over; count who has not answered it."""
+    def _keep_time(self, tick: int, deadline: float) -> list[int]:
+        """Receive until the wall clock says that the tick is over; count who has not answered it, return who is awake."""
         while (left := deadline - time.perf_counter()) > 0:
             self._receive(left)
         awake = self._awake()
@@ -284,14 +298,15 @@ class WorldServer:
             behind = tick - self._answered[agent]
             self._misses += behind > 0
             if behind > _BACKLOG:
-                self._command[agent] = 0.0
+                self._command[agent] = (0.0, 0.0)
             if behind * TICK_S > _ANSWER_S:
                 self._lose([agent])
+        return self._awake()
 
     def _lose(self, agents: list[int]) -> None:
         gone = [agent for agent in agents if self.core.flying[0, agent]]
         if gone:
-            self._watch.fault(int(self.core.tick[0]))
+            self._watch.fault(self._now)
             self.core.lose(0, gone)
 
     def _receive(self, timeout_s: float) -> int | None:
@@ -316,7 +331,7 @@ class WorldServer:
     def _greet(self, agent: int, version: Any) -> None:
         if version != messages.VERSION:
             wrong = f"agent {agent} speaks version {version} of the messages, the world {messages.VERSION}"
-            if self.core.tick[0] == 0 and not self._ready[agent]:
+            if self._now == 0 and not self._ready[agent]:
                 raise ServerError(wrong)
             raise ValueError(wrong)  # no single drone ends a flight that has begun
         if not self.core.flying[0, agent]:
@@ -351,21 +366,21 @@ class WorldServer:
             raise ValueError("not a command")
         if type(slot) is not int or not 0 <= slot < self._mission.agents:
             raise ValueError("not a slot")
-        if type(tick) is not int or not -1 <= tick <= self.core.tick[0]:
+        if type(tick) is not int or not -1 <= tick <= self._now:
             raise ValueError("an answer to a tick that has not been")
         if frame is not None and type(frame) is not bytes:
             raise ValueError("a frame is bytes")
         if status is not None:
             account = parse_status(status, self._mission.agents)
             self._statuses[agent] = account
-            self._watch.see(int(self.core.tick[0]), agent, account)
+            self._watch.see(self._now, agent, account)
         if tick <= self._answered[agent]:
             return
         self._answered[agent] = tick
         self._command[agent] = ax, ay
         self._claim[agent] = slot
         if frame is not None:
-            self._frames[int(self.core.tick[0]) % self.core.ring][agent] = frame
+            self._frames[self._now % self.core.ring][agent] = frame
             self._sent_bytes[agent] = len(frame)
             if len(self._sizes) < _SIZE_SAMPLE:
                 self._sizes.append(len(frame))

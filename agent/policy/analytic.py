@@ -7,13 +7,13 @@ from agent.control.gains import GAINS
 from agent.desk import Desk
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Seen
-from protocols.kernels import kernel
+from protocols.kernels import borrowed, kernel
 from protocols.mission import Mission
 
 
 @kernel
 def _act(desk: Desk, wanted: NDArray[np.float64]) -> None:
-    work, memory, motion = desk.work, desk.memory, desk.sensed.motion
+    work, memory, motion = borrowed(desk.work), borrowed(desk.memory), borrowed(desk.sensed).motion
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             wanted[row, 0], wanted[row, 1] = analytic(

@@ -1,11 +1,13 @@
 """The policy interface, and how a policy is found by name.
 
 A policy is a class whose constructor takes the mission and which has one method, ``act``. It is known by a short name
-(`_BUILT_IN`), by an entry point in the group ``rsc_swarm.policies``, or by ``package.module:Class``.
+(`_BUILT_IN`), by an entry point in the group ``rsc_swarm.policies``, or by ``package.module:Class``. Learned ones are known by
+their model file: by its name if it comes with the project, else by its path.
 """
 
 import importlib
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import NamedTuple, Protocol, cast
 
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 
 from agent.desk import Desk
 from agent.memory import Memory
+from agent.policy.model_file import SHIPPED, shipped_models
 from protocols.mission import Mission
 
 ENTRY_POINTS = "rsc_swarm.policies"
@@ -55,7 +58,12 @@ class Seen(NamedTuple):
 
 
 class Policy(Protocol):
-    """Decides accelerations. The safety filter and the limits come after it."""
+    """Decides accelerations. The safety filter and the limits come after it.
+
+    A policy may have more, and is then told more (agent.core): ``open()``, before the first tick and only in a process that
+    forks no other, is the place to open what must not be forked; ``forget(row)`` says that a row's drone was restarted.
+    ``files``, paths of what besides its code decides what it does, tell evaluations apart.
+    """
 
     def act(self, seen: Seen) -> NDArray[np.float64]:
         """Wanted acceleration of every row, (A, 2) m/s^2."""
@@ -64,7 +72,9 @@ class Policy(Protocol):
 
 def policy_names() -> list[str]:
     """The policies that have a short name here."""
-    return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINTS))})
+    return sorted(
+        {*_BUILT_IN, *shipped_models(), *(point.name for point in entry_points(group=ENTRY_POINTS))}
+    )
 
 
 def find_policy(name: str, mission: Mission) -> Policy:
@@ -73,6 +83,10 @@ def find_policy(name: str, mission: Mission) -> Policy:
     Raises:
         PolicyError: unknown name, or the class cannot be imported or made.
     """
+    if name in shipped_models() or name.endswith(".onnx"):
+        from agent.policy.learned import Learned  # loads ONNX Runtime
+
+        return Learned(mission, SHIPPED / f"{name}.onnx" if name in shipped_models() else Path(name))
     place = _BUILT_IN.get(name, name)
     for point in entry_points(group=ENTRY_POINTS):
         if point.name == name:
@@ -80,7 +94,9 @@ def find_policy(name: str, mission: Mission) -> Policy:
     module_name, _, class_name = place.partition(":")
     if not class_name:
         known = ", ".join(policy_names())
-        raise PolicyError(f"policy: unknown policy {name!r}; known: {known}; or give package.module:Class")
+        raise PolicyError(
+            f"policy: unknown policy {name!r}; known: {known}; or give package.module:Class or a model file"
+        )
     try:
         made = getattr(importlib.import_module(module_name), class_name)(mission)
     except (ImportError, AttributeError) as error:

@@ -50,7 +50,8 @@ def test_an_installed_policy_is_found_by_its_entry_point(monkeypatch: pytest.Mon
 def test_an_unknown_policy_is_refused_with_those_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, "homing", "tests.agent.example_policy:Homing")
     assert refusal("anlytic") == (
-        "policy: unknown policy 'anlytic'; known: analytic, cruise, homing; or give package.module:Class"
+        "policy: unknown policy 'anlytic'; known: analytic, cruise, homing; or give package.module:Class "
+        "or a model file"
     )
 
 

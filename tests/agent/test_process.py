@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from agent import cycle, process
 from agent.process import Drone, fly
 from protocols import messages
-from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, encode_frame, swarm_tag
+from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
 from protocols.mission import parse_mission
-from protocols.sensed import empty_sensed, pack_sensed
+from protocols.sensed import SensedPacker, empty_sensed
 from protocols.swap import SlotNote, encode
 from rsc_swarm.simulate import Simulation
 from tests import loopback
@@ -26,7 +26,7 @@ def sensed() -> Any:
     rows = empty_sensed(1)
     rows.motion[0] = [1, 2, 3, 0.5, 0, 0, 3, 0]
     rows.near_count[0], rows.near[0, 0] = 1, [0, 3, 1, 0, 0]
-    return pack_sensed(rows, 0)
+    return SensedPacker(rows).pack(0)
 
 
 def drone() -> Drone:
@@ -48,7 +48,7 @@ def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
         )
         assert isinstance(note, SlotNote)
         if simulation._frames.sender[row] != ME:
-            said.append(encode_frame(TAG, simulation._frames, row, encode(note)))
+            said.append(simulation._codec.encode(row, encode(note)))
     return said
 
 

@@ -15,11 +15,11 @@ from protocols.frames import (
     OBSERVATION_SIZE,
     REASONS,
     VERSION,
+    FrameCodec,
     FrameError,
-    FrameReader,
     Frames,
     empty_frames,
-    encode_frame,
+    fault,
     swarm_tag,
 )
 from protocols.swap import SlotNote, decode, encode
@@ -47,16 +47,18 @@ def drawn(seed: int, count: int = 5) -> Frames:
 
 
 def good(seed: int = 0, count: int = 5, note: SlotNote = NOTE) -> bytes:
-    return encode_frame(TAG, drawn(seed, count), 0, encode(note))
+    return FrameCodec(TAG, drawn(seed, count)).encode(0, encode(note))
 
 
 def reason(data: bytes, now: int = NOW) -> str | None:
     """Why ``data`` is not believed; None if it is."""
+    frames = empty_frames(2)
     try:
-        FrameReader(TAG, AGENTS, empty_frames(2)).read(data, now, OLDEST, 1)
+        FrameCodec(TAG, frames).decode(data, 1)
     except FrameError as error:
         return REASONS[REASONS.index(error.reason)]
-    return None
+    number = fault(frames, 1, now, OLDEST, AGENTS)
+    return None if number < 0 else REASONS[number]
 
 
 def altered(place: int, value: Any) -> bytes:
@@ -70,15 +72,13 @@ def altered(place: int, value: Any) -> bytes:
 def with_field(name: str, value: Any) -> bytes:
     frames = drawn(0)
     frames.fixed[0][name] = value
-    return encode_frame(TAG, frames, 0, encode(NOTE))
+    return FrameCodec(TAG, frames).encode(0, encode(NOTE))
 
 
 @given(seed=st.integers(0, 2**32), count=st.integers(0, MAX_KNOWN))
 def test_what_is_written_is_what_is_read(seed: int, count: int) -> None:
     sent, heard = drawn(seed, count), empty_frames(4)
-    sender, note = FrameReader(TAG, AGENTS, heard).read(
-        encode_frame(TAG, sent, 0, encode(NOTE)), NOW, OLDEST, 2
-    )
+    sender, note = FrameCodec(TAG, heard).decode(FrameCodec(TAG, sent).encode(0, encode(NOTE)), 2)
     assert (sender, decode(note, AGENTS)) == (sent.sender[0], NOTE)
     assert heard.fixed[2] == sent.fixed[0]
     assert heard.known[2, :count].tolist() == sent.known[0, :count].tolist()
@@ -148,7 +148,7 @@ def test_a_frame_is_refused_for_its_own_reason(data: bytes, why: str | None) -> 
 
 
 def test_another_swarm_on_the_same_air_is_not_heard() -> None:
-    assert reason(encode_frame(swarm_tag("other"), drawn(0), 0, encode(NOTE))) == "foreign"
+    assert reason(FrameCodec(swarm_tag("other"), drawn(0)).encode(0, encode(NOTE))) == "foreign"
 
 
 @given(data=st.binary(max_size=1200))

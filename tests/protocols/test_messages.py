@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from protocols import messages
 from protocols.messages import MessageError
-from protocols.sensed import MAX_NEAR, SensedReader, empty_sensed, pack_sensed
+from protocols.sensed import MAX_NEAR, SensedPacker, SensedReader, empty_sensed
 from protocols.status import SWAP_COUNTS, AgentStatus, parse_status
 
 STATUS = AgentStatus(3, 4, (0,) * 7, (0,) * len(SWAP_COUNTS), 99, bytes(range(6)))
@@ -58,7 +58,7 @@ def test_what_is_sensed_survives_the_wire() -> None:
     sent.near[2, :2] = [[4, 1, 2, 3, 4], [9, -1, -2, -3, -4]]
     sent.obstacles[2, 0] = [3, 4, 1.5]
     heard.near[0], heard.near_count[0] = 7.0, 9  # what an earlier tick left
-    SensedReader(heard).read(pack_sensed(sent, 2))
+    SensedReader(heard).read(SensedPacker(sent).pack(2))
     assert heard.motion[0].tolist() == sent.motion[2].tolist()
     assert heard.near[0, : heard.near_count[0]].tolist() == sent.near[2, :2].tolist()
     assert heard.obstacles[0, : heard.obstacle_count[0]].tolist() == [[3.0, 4.0, 1.5]]

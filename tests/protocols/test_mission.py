@@ -194,3 +194,7 @@ def test_a_mission_file_may_be_empty(tmp_path: Path) -> None:
     path.write_text("# nothing\n")
     assert read_mission_fields(path) == {}
     assert yaml.safe_load(path.read_text()) is None
+
+
+def test_off_may_be_written_as_yaml_likes_to_read_it() -> None:
+    assert parse_mission(yaml.safe_load("swap: {rule: off}")).swap.rule == "off"

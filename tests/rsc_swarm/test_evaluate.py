@@ -91,6 +91,18 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, monkeypatch):
     assert evaluate(SHORT, SEEDS, 2, path, Stopping(after=1)) == flights  # nothing was left to fly
 
 
+def test_the_expert_is_evaluated_like_any_other(tmp_path):
+    mission = Mission(agents=4, policy="expert")
+    path = tmp_path / "journal.jsonl"
+    flights = evaluate(mission, SEEDS, 2, path)
+    assert [(flight.map_seed, flight.seed) for flight in flights] == SEEDS
+    assert evaluate(mission, SEEDS, 1, path, Stopping(after=1)) == flights  # nothing was left to fly
+    result = summarise(mission, flights, 2, fingerprint(mission))
+    assert (result.success_rate, result.breaches, result.disagreed) == (1, 0, 0)
+    with pytest.raises(MissionError, match="faults: the batch simulation has none"):
+        evaluate(mission.model_copy(update={"faults": ({"at_s": 1, "kind": "heal"},)}), SEEDS, 1)
+
+
 def test_a_journal_is_named_after_all_that_decides_a_flight(tmp_path):
     path = journal_path(tmp_path / "table.json", fingerprint(SHORT))
     assert path.parent == tmp_path

@@ -1,5 +1,6 @@
 """The picture of a flight. That it looks good is for eyes; that it shows the flight is tested here."""
 
+import json
 import sys
 
 import numpy as np
@@ -7,10 +8,16 @@ import pytest
 
 from protocols.mission import Mission
 from rsc_swarm import plot_command
+from rsc_swarm.canvas import PlotError
+from rsc_swarm.evaluate import wilson
 from rsc_swarm.flight import fly
 from rsc_swarm.options import MissionOptions
-from rsc_swarm.plot import PlotError, Track, _collision, _edges, draw, load_track
+from rsc_swarm.plot import Track, _collision, _edges, draw, load_track
+from rsc_swarm.plot_command import Subject
+from rsc_swarm.plot_curves import read_curve
 from rsc_swarm.rundir import RunDir, RunDirError
+from rsc_swarm.tables.result import RowResult, TableResult, write_table
+from rsc_swarm.tables.rows import Paper
 
 pytest.importorskip("matplotlib")
 
@@ -33,7 +40,7 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
     track = flown(tmp_path, mission)
     assert np.diff(track.slots, axis=0).any()
     for name in ("flight.png", "flight.svg"):
-        draw(track, mission, tmp_path / name)
+        draw([(track, mission)], tmp_path / name)
     assert (tmp_path / "flight.png").read_bytes().startswith(PNG)
 
 
@@ -53,7 +60,7 @@ def test_a_collision_is_marked_where_it_was(tmp_path):
     assert track.failure == "collision"
     x, y = _collision(track)
     assert np.hypot(x - 12.0, y) - 2.0 == pytest.approx(0.5, abs=0.1)
-    draw(track, mission, tmp_path / "crash.png")
+    draw([(track, mission)], tmp_path / "crash.png")
 
 
 def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
@@ -61,27 +68,79 @@ def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
     folder = RunDir(tmp_path / "run")
     folder.begin(mission)
     fly(mission, trajectory=folder.trajectory)
-    plot_command.run(MissionOptions(), tmp_path / "run.png", folder.path)
+    plot_command.run(MissionOptions(), tmp_path / "run.png", Subject(run_dir=folder.path))
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
     assert capsys.readouterr().out == f"{tmp_path / 'run.png'}: 4 drones: interrupted\n"
 
 
 def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
     with pytest.raises(RunDirError, match="no flight recorded here"):
-        plot_command.run(MissionOptions(), tmp_path / "x.png", tmp_path)
-    with pytest.raises(PlotError, match=r"--map: the flight in --run-dir is flown already"):
-        plot_command.run(MissionOptions(map=3), tmp_path / "x.png", tmp_path)
+        plot_command.run(MissionOptions(), tmp_path / "x.png", Subject(run_dir=tmp_path))
+    with pytest.raises(PlotError, match=r"--map: --run-dir draws what was flown already"):
+        plot_command.run(MissionOptions(map=3), tmp_path / "x.png", Subject(run_dir=tmp_path))
     with pytest.raises(PlotError, match="give a file in a directory that exists"):
-        plot_command.run(MissionOptions(), tmp_path / "nowhere" / "x.png", None)
+        plot_command.run(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
     with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
-        plot_command.run(MissionOptions(agents=1, set=["time_limit_s=0.1"]), tmp_path / "flight.xyz", None)
+        plot_command.run(
+            MissionOptions(agents=1, set=["time_limit_s=0.1"]), tmp_path / "flight.xyz", Subject()
+        )
     (tmp_path / "bad.npz").write_text("not a flight")
     with pytest.raises(PlotError, match="is not a recorded flight"):
         load_track(tmp_path / "bad.npz", None, None, "")
+
+
+def test_two_sizes_are_drawn_to_one_scale(tmp_path, capsys):
+    options = MissionOptions(set=["time_limit_s=0.1"])
+    plot_command.run(options, tmp_path / "two.png", Subject(compare="4,9"))
+    assert (tmp_path / "two.png").read_bytes().startswith(PNG)
+    assert capsys.readouterr().out.endswith("two.png: 4 drones: late; 9 drones: late\n")
+    with pytest.raises(PlotError, match="--compare 4,x: write numbers of drones"):
+        plot_command.run(options, tmp_path / "two.png", Subject(compare="4,x"))
+    with pytest.raises(PlotError, match="--agents: --compare says how many"):
+        plot_command.run(MissionOptions(agents=9), tmp_path / "two.png", Subject(compare="4,9"))
+    with pytest.raises(PlotError, match="--run-dir --compare: these are different pictures"):
+        plot_command.run(options, tmp_path / "two.png", Subject(run_dir=tmp_path, compare="4,9"))
+
+
+def horizon_row(name: str, way: str, rate: float) -> RowResult:
+    nothing = dict.fromkeys(("tau_mean_s", "formed_mean_s", "min_distance_m", "accuracy"))
+    return RowResult(
+        key=f"{name}/{way}", place="", name=name, way=way, agents=25, policy=name.lower(),
+        paper=Paper(83.0, 13.17, 7.9, 2.5), runs=600, success_rate=rate, success_interval=wilson(round(600 * rate), 600),
+        collision_rate=0.0, noncollision_rate=1 - rate, swaps_per_flight=0.0, maps=(0, 199), starts=3,
+        failures={}, command="", code="", **nothing,
+    )  # fmt: skip
+
+
+def test_success_against_horizon_is_drawn_from_a_table(tmp_path, capsys):
+    rows = [
+        horizon_row(f"RSC-H{h}", way, 0.5 + h / 100)
+        for h in (1, 20, 40)
+        for way in ("ours", "as in the paper")
+    ]
+    write_table(tmp_path, TableResult(table="1", title="", rows=tuple(rows)), "")
+    plot_command.run(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
+    assert (tmp_path / "h.png").read_bytes().startswith(PNG)
+    write_table(tmp_path, TableResult(table="1", title="", rows=(horizon_row("Saber", "", 0.1),)), "")
+    with pytest.raises(PlotError, match="table 1 has no RSC rows yet"):
+        plot_command.run(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
+
+
+def test_learning_curves_are_drawn_from_what_training_wrote(tmp_path):
+    line = {"update": 0, "seconds": 0.1, "loss": 1.0, "mae": 1e-3, "mixing": 1.0, "success": None}
+    path = tmp_path / "curve.jsonl"
+    path.write_text("".join(f"{json.dumps({**line, 'update': update})}\n" for update in (0, 100, 200)))
+    plot_command.run(MissionOptions(), tmp_path / "c.png", Subject(curve=(tmp_path, tmp_path)))
+    assert (tmp_path / "c.png").read_bytes().startswith(PNG)
+    path.write_text("no curve\n")
+    with pytest.raises(PlotError, match="is not the curve of a training"):
+        read_curve(tmp_path)
+    with pytest.raises(PlotError, match=r"nowhere/curve.jsonl: cannot be read \(No such file or directory\)"):
+        read_curve(tmp_path / "nowhere")
 
 
 def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
     track = flown(tmp_path, Mission(agents=1, time_limit_s=0.1))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(PlotError, match=r"pip install 'rsc-swarm\[plot\]'"):
-        draw(track, Mission(agents=1), tmp_path / "x.png")
+        draw([(track, Mission(agents=1))], tmp_path / "x.png")

@@ -1,6 +1,7 @@
 """Twins: a flight in real processes is, bit for bit, the flight of the same mission in one process."""
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from protocols.mission import parse_mission
 from rsc_swarm.simulate import simulate
 from tests import loopback
+from tests.models import random_model
 from tests.scenarios.flights import Fields, launched
 
 TWENTY_FIVE: Fields = {"agents": 25, "time_limit_s": 2.0, "start": {"scrambled": True}}
@@ -77,6 +79,20 @@ def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:
     # Over bytes, without processes: all else that could make a difference is the same for all of them.
     task = {**SIX, **way, "radio": {"loss": 0.2}}
     assert loopback.fly(parse_mission(task)).outcome == simulate([parse_mission(task)])[0]
+
+
+def test_twins_agree_when_a_model_flies(tmp_path: Path) -> None:
+    """Each drone asks its model for itself; in one process one question is asked for all whose turn it is."""
+    path = tmp_path / "random.onnx"
+    path.write_bytes(random_model(20, 128, wide=True).SerializeToString())
+    flown: Fields = {**SIX, "policy": str(path), "trajectory": {"replan_ticks": 10}}
+    tasks = [
+        flown,
+        {**flown, "radio": {"loss": 0.3}, "faults": [{"at_s": 1, "kind": "restart", "agents": [2]}]},
+    ]
+    for fields, flight in zip(tasks, launched(*tasks), strict=True):
+        assert flight["outcome"] == simulated(fields)
+        assert flight["breach"] is None
 
 
 def test_the_same_seed_is_the_same_flight_and_another_seed_another() -> None:

@@ -171,7 +171,6 @@ def test_the_digest_sees_the_smallest_step_aside() -> None:
 
 
 def test_a_dense_swarms_frames_have_the_size_the_wire_would_give_them() -> None:
-    from protocols.frames import encode_frame
     from protocols.swap import SlotNote, encode
 
     crowd = mission(agents=49, formation={"spacing_m": 2.5}, start={"radius_m": 0}, time_limit_s=0.05)
@@ -183,4 +182,4 @@ def test_a_dense_swarms_frames_have_the_size_the_wire_would_give_them() -> None:
     assert frames.known_count[first : first + 49].max() >= 32
     for row in range(49):
         note = SlotNote(int(frames.digest[first + row]), True)
-        assert sizes[row] == len(encode_frame(simulation._tag, frames, first + row, encode(note)))
+        assert sizes[row] == len(simulation._codec.encode(first + row, encode(note)))

@@ -1,0 +1,102 @@
+"""Learned policies: a model file plans a trajectory now and then, and the drone flies it meanwhile.
+
+The files rsc-h1 ... rsc-h40 and stgnn come with the project; any other is given by its path.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.control.follow import following_of
+from agent.policy import session
+from agent.policy.base import PolicyError, Seen
+from agent.policy.learned_kernel import (
+    empty_history,
+    empty_plans,
+    empty_question,
+    fly_plans,
+    note_and_ask,
+    take_plans,
+)
+from agent.policy.model_file import ModelFileError, read_model
+from protocols.mission import Mission
+from protocols.relative import NEVER
+
+_OUTPUTS = ["displacement", "acceleration"]
+_ROWS = 32  # asked in one call; more would no longer fit the processor's caches
+
+
+class Learned:
+    """Flies what the model plans. A row's plan depends on nothing but that row, however many are hosted together."""
+
+    def __init__(self, mission: Mission, path: Path) -> None:
+        """Read and check the model file; nothing is opened yet.
+
+        Raises:
+            PolicyError: the file holds no policy, or it does not fit the mission.
+        """
+        try:
+            self.model = read_model(path)
+        except ModelFileError as error:
+            raise PolicyError(f"policy: {error}") from None
+        self.files = (path,)
+        facts, trajectory = self.model.facts, mission.trajectory
+        self._replan = trajectory.replan_ticks or facts.replan
+        if self._replan > facts.horizon:
+            raise PolicyError(
+                f"trajectory.replan_ticks: {self._replan}, but {mission.policy} plans {facts.horizon} ticks; give at most that"
+            )
+        following = following_of(trajectory)
+        if (
+            facts.output != "knots"
+        ):  # raw plans hold no accelerations to follow; an action is carried out as it is
+            following = following._replace(required=facts.output == "raw")
+        self._following = following
+        self._inputs = [name for name in ("own", "heard", "share", "target", "extra") if name in facts.shapes]
+        self._session: Any = None
+        self._make_room(0)
+
+    def _make_room(self, rows: int) -> None:
+        facts = self.model.facts
+        self._history = empty_history(rows, facts.past, facts.neighbours)
+        self._question = empty_question(rows, facts.past, facts.neighbours)
+        self._plans = empty_plans(rows, facts.horizon)
+
+    def open(self) -> None:
+        """Make the model ready to run. A policy that is not opened plans to fly straight on.
+
+        Raises:
+            PolicyError: the model cannot be run.
+        """
+        try:
+            self._session = session.open_session(self.model.data)
+        except RuntimeError as error:
+            raise PolicyError(f"policy: {self.model.path}: cannot be run ({error})") from None
+
+    def act(self, seen: Seen) -> NDArray[np.float64]:
+        """Wanted acceleration (A, 2) m/s^2; rows that are due plan anew."""
+        rows = len(seen.awake)
+        if len(self._plans.made_at) != rows:
+            self._make_room(rows)
+        due = note_and_ask(seen.tick, self._replan, seen.desk, self._history, self._plans, self._question)
+        for first in range(0, due, _ROWS):
+            self._plan(seen, first, min(first + _ROWS, due))
+        wanted = np.zeros((rows, 2))
+        fly_plans(seen.tick, seen.desk, self._plans, self._following, wanted)
+        return wanted
+
+    def _plan(self, seen: Seen, first: int, end: int) -> None:
+        inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}
+        if self._session:
+            displacement, acceleration = self._session.run(_OUTPUTS, inputs)
+        else:
+            displacement = acceleration = np.zeros((end - first, self.model.facts.horizon, 2), np.float32)
+        take_plans(seen.tick, first, seen.desk, self._question, self._plans, displacement, acceleration)
+
+    def forget(self, row: int) -> None:
+        """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""
+        if row < len(self._plans.made_at):
+            self._history.blank[row] = True
+            self._plans.made_at[row] = NEVER

@@ -1,0 +1,181 @@
+"""The compiled parts of a learned policy: what it remembers, what its model is given, and flying its plans."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.control.follow import Following, follow_row
+from agent.desk import Desk, Rules, Work
+from agent.memory import Memory
+from agent.observation import WIDE_SIZE, compressed, observe_wide_row
+from protocols.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
+from protocols.kernels import borrowed, inlined_kernel, kernel
+from protocols.relative import NEVER
+
+
+class History(NamedTuple):
+    """What each row saw and heard at its last L ticks, newest last.
+
+    own: (A, L, 18). heard: (A, L, K, 18). share: (A, L, K). blank: (A,) whether the row has seen nothing yet.
+    """
+
+    own: NDArray[np.float32]
+    heard: NDArray[np.float32]
+    share: NDArray[np.float32]
+    blank: NDArray[np.bool_]
+
+
+class Question(NamedTuple):
+    """A model's inputs for the rows that are due for a plan, one after the other; ``row`` (A,) says which they are."""
+
+    row: NDArray[np.int64]
+    own: NDArray[np.float32]
+    heard: NDArray[np.float32]
+    share: NDArray[np.float32]
+    target: NDArray[np.float32]
+    extra: NDArray[np.float32]
+
+
+class Plans(NamedTuple):
+    """Each row's plan, as in agent.control.follow; made_at: (A,) tick, NEVER where there is none."""
+
+    made_at: NDArray[np.int64]
+    start: NDArray[np.float64]
+    displacement: NDArray[np.float32]
+    acceleration: NDArray[np.float32]
+
+
+def empty_history(rows: int, past: int, neighbours: int) -> History:
+    """Nothing seen yet."""
+    return History(
+        own=np.zeros((rows, past, OBSERVATION_SIZE), np.float32),
+        heard=np.zeros((rows, past, neighbours, OBSERVATION_SIZE), np.float32),
+        share=np.zeros((rows, past, neighbours), np.float32),
+        blank=np.ones(rows, np.bool_),
+    )
+
+
+def empty_question(rows: int, past: int, neighbours: int) -> Question:
+    """Room for the inputs of ``rows`` rows."""
+    return Question(
+        row=np.zeros(rows, np.int64),
+        own=np.zeros((rows, past, OBSERVATION_SIZE), np.float32),
+        heard=np.zeros((rows, past, neighbours, OBSERVATION_SIZE), np.float32),
+        share=np.zeros((rows, past, neighbours), np.float32),
+        target=np.zeros((rows, 2), np.float32),
+        extra=np.zeros((rows, WIDE_SIZE), np.float32),
+    )
+
+
+def empty_plans(rows: int, horizon: int) -> Plans:
+    """No row has a plan."""
+    return Plans(
+        made_at=np.full(rows, NEVER),
+        start=np.zeros((rows, 4)),
+        displacement=np.zeros((rows, horizon, 2), np.float32),
+        acceleration=np.zeros((rows, horizon, 2), np.float32),
+    )
+
+
+@inlined_kernel
+def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, history: History) -> None:
+    """Add this tick to a row's history; one that is shorter than L repeats its first entry.
+
+    Heard are the drones whose frames are believed: all of the tick before, and older ones of drones still near. Of more than K
+    the lowest agent numbers count.
+    """
+    own, heard, share = history.own[row], history.heard[row], history.share[row]
+    past, places = share.shape
+    for step in range(past - 1):
+        own[step], heard[step], share[step] = own[step + 1], heard[step + 1], share[step + 1]
+    last = past - 1
+    for index in range(OBSERVATION_SIZE):
+        own[last, index] = work.observation[row, index]
+    count = 0
+    for other in range(memory.heard_tick.shape[1]):
+        age = tick - memory.heard_tick[row, other]
+        believed = age == 1 or (age <= rules.memory_ticks and memory.hops[row, other] == 1)
+        if believed and count < places:
+            for index in range(OBSERVATION_SIZE):
+                heard[last, count, index] = memory.heard_observation[row, other, index] / OBSERVATION_UNIT
+            count += 1
+    heard[last, count:] = 0.0
+    share[last, :count] = 1.0 / max(count, 1)
+    share[last, count:] = 0.0
+    if history.blank[row]:
+        history.blank[row] = False
+        for step in range(last):
+            own[step], heard[step], share[step] = own[last], heard[last], share[last]
+
+
+@inlined_kernel
+def _ask_row(
+    row: int, place: int, rules: Rules, work: Work, memory: Memory, history: History, question: Question
+) -> None:
+    question.row[place] = row
+    question.own[place], question.heard[place] = history.own[row], history.heard[row]
+    question.share[place] = history.share[row]
+    x, y = compressed(work.chain_error[row, 0], work.chain_error[row, 1])
+    question.target[place, 0], question.target[place, 1] = x, y
+    observe_wide_row(row, rules.reach_m, memory, question.extra[place])
+
+
+@kernel
+def note_and_ask(
+    tick: int, replan: int, desk: Desk, history: History, plans: Plans, question: Question
+) -> int:
+    """Note what every awake row sees and hears, and write the model's inputs for those that are due for a plan.
+
+    Drones take turns: with ``replan`` ticks between plans, drone i plans when tick + i is a multiple of it, and besides when
+    it has no plan or has flown it to its end.
+
+    Returns:
+        How many rows are due.
+    """
+    rules, work, memory = desk.rules, desk.work, desk.memory
+    seen, made_at, asked = borrowed(history), plans.made_at, borrowed(question)
+    horizon = plans.displacement.shape[1]
+    due = 0
+    for row in range(work.me.shape[0]):
+        if work.awake[row]:
+            _note_row(tick, row, rules, work, memory, seen)
+            if tick - made_at[row] >= horizon or (tick + work.me[row]) % replan == 0:
+                _ask_row(row, due, rules, work, memory, seen, asked)
+                due += 1
+    return due
+
+
+@kernel
+def take_plans(
+    tick: int,
+    first: int,
+    desk: Desk,
+    question: Question,
+    plans: Plans,
+    displacement: NDArray[np.float32],
+    acceleration: NDArray[np.float32],
+) -> None:
+    """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
+    motion = desk.sensed.motion
+    for place in range(displacement.shape[0]):
+        row = question.row[first + place]
+        plans.made_at[row] = tick
+        for index in range(4):
+            plans.start[row, index] = motion[row, index]
+        plans.displacement[row] = displacement[place]
+        plans.acceleration[row] = acceleration[place]
+
+
+@kernel
+def fly_plans(tick: int, desk: Desk, plans: Plans, following: Following, wanted: NDArray[np.float64]) -> None:
+    """Wanted accelerations (A, 2) of all awake rows, each of which has a plan."""
+    work, memory, motion, flown = desk.work, desk.memory, desk.sensed.motion, borrowed(plans)
+    for row in range(work.me.shape[0]):
+        if work.awake[row]:
+            wanted[row, 0], wanted[row, 1] = follow_row(
+                tick - flown.made_at[row], flown.start[row], flown.displacement[row], flown.acceleration[row],
+                motion[row, 0:2], motion[row, 2:4], work.slot_error[row], motion[row, 6:8], memory.near_count[row],
+                memory.near_rel[row], memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row],
+                memory.obstacle_radius[row], memory.disc_side[row], following,
+            )  # fmt: skip

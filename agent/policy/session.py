@@ -1,0 +1,32 @@
+"""The one place that runs models: ONNX Runtime, on one thread and without reports to its makers.
+
+An open session must never exist in a process that forks afterwards. Importing this module beforehand is right: what is
+forked then shares the library.
+"""
+
+import os
+
+# It must be said before the import, which would start a thread, keep a database and send usage reports.
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+
+import onnxruntime
+
+
+def open_session(data: bytes) -> onnxruntime.InferenceSession:
+    """Make a model ready to run from the bytes of its file.
+
+    One thread in one order: its results depend on the inputs alone, and those of a row not on the rows beside it.
+
+    Raises:
+        RuntimeError: the model cannot be run; the first line says why.
+    """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.enable_cpu_mem_arena = False
+    options.log_severity_level = 4  # what goes wrong is raised; nothing else is worth a line
+    try:
+        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its errors have no base of their own
+        raise RuntimeError((str(error).splitlines() or [type(error).__name__])[0]) from None

@@ -1,0 +1,62 @@
+"""What all pictures share: colours, bare axes, and a file at the end.
+
+Needs matplotlib (``pip install 'rsc-swarm[plot]'``), which nothing else does.
+"""
+
+from pathlib import Path
+from typing import Any
+
+INK, FAINT, ROCK, ALARM, GRID = "#1f2933", "#9aa5b1", "#52606d", "#d64545", "#e4e7eb"
+LINES = (
+    "#2363b8",
+    "#d97706",
+    "#0f9d76",
+    "#8b4fc4",
+    "#c2416b",
+    "#6b7280",
+)  # told apart also by colour-blind eyes
+
+
+class PlotError(RuntimeError):
+    """No picture can be made; one line says why."""
+
+
+def new_figure(width: float, height: float) -> Any:
+    """An empty figure of this size, inches.
+
+    Raises:
+        PlotError: matplotlib is missing.
+    """
+    try:
+        import matplotlib
+    except ImportError:
+        raise PlotError("plot needs matplotlib: pip install 'rsc-swarm[plot]'") from None
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height))
+
+
+def bare(axes: Any) -> None:
+    """Take the box and the ticks away; leave a faint grid."""
+    for side in ("top", "right", "left", "bottom"):
+        axes.spines[side].set_visible(False)
+    axes.tick_params(colors=ROCK, length=0, labelsize=9)
+    axes.xaxis.label.set_color(ROCK)
+    axes.yaxis.label.set_color(ROCK)
+    axes.grid(color=GRID, lw=0.6, zorder=0)
+    axes.set_axisbelow(True)
+
+
+def save(figure: Any, out: Path) -> None:
+    """Write ``figure`` into the file ``out``; its ending chooses the format.
+
+    Raises:
+        PlotError: it cannot be written.
+    """
+    figure.tight_layout()
+    try:
+        figure.savefig(out, dpi=160, facecolor="white")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise PlotError(f"--out {out}: cannot be written ({reason})") from None

@@ -1,0 +1,312 @@
+"""Learned policies: what the model is asked and when, and that its plans are flown as they are."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.policy import PolicyError, find_policy, policy_names, session
+from agent.policy.model_file import SHIPPED, shipped_models
+from protocols.frames import OBSERVATION_UNIT
+from protocols.mission import TICK_S, Mission, parse_mission
+from rsc_swarm.simulate import Simulation, simulate
+from tests import loopback
+from tests.models import random_model, straight_on, written
+
+HORIZON = 10
+
+
+class Notebook:
+    """Stands in for a session: notes what the model is asked, and always plans to fly straight on."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, np.ndarray]] = []
+
+    def run(self, outputs: list[str], inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+        self.asked.append({name: value.copy() for name, value in inputs.items()})
+        return [np.zeros((len(inputs["own"]), HORIZON, 2), np.float32) for _ in outputs]
+
+
+@pytest.fixture
+def notebook(monkeypatch: pytest.MonkeyPatch) -> Notebook:
+    book = Notebook()
+    monkeypatch.setattr(session, "open_session", lambda data: book)
+    return book
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    return written(tmp_path / "still.onnx", HORIZON, straight_on(HORIZON))
+
+
+def task(model: Path, **fields: Any) -> Mission:
+    return parse_mission({"agents": 6, "policy": str(model), "obstacles": {"discs": []}, **fields})
+
+
+def told(book: Notebook, simulation: Simulation) -> list[np.ndarray]:
+    """Fly one tick; the target and history of each drone that was asked, by rising agent number."""
+    before = len(book.asked)
+    simulation.tick()
+    return [own for question in book.asked[before:] for own in question["own"]]
+
+
+# --- what is asked, and when -------------------------------------------------------------------------------
+
+
+def test_all_plan_at_first_and_then_take_turns(notebook: Notebook, model: Path) -> None:
+    simulation = Simulation([task(model, trajectory={"replan_ticks": 5})])
+    asked = [len(told(notebook, simulation)) for _ in range(21)]
+    # Of six drones two (0 and 5) have their turn when the tick is a multiple of five.
+    assert asked == [6, 1, 1, 1, 1] + [2, 1, 1, 1, 1] * 3 + [2]
+
+
+def test_the_model_says_how_long_a_plan_is_flown_unless_the_mission_does(
+    notebook: Notebook, model: Path
+) -> None:
+    simulation = Simulation([task(model, agents=1)])
+    assert [len(told(notebook, simulation)) for _ in range(21)] == [1] + ([0] * 9 + [1]) * 2
+
+
+def test_the_model_sees_the_last_three_ticks_newest_last(notebook: Notebook, model: Path) -> None:
+    simulation = Simulation([task(model, trajectory={"replan_ticks": 1})])
+    seen = []
+    for _ in range(5):
+        own = np.array(told(notebook, simulation))
+        seen.append(simulation.agents.work.observation.astype(np.float32))
+        past = [seen[max(0, len(seen) - 3 + step)] for step in range(3)]
+        assert np.array_equal(own, np.stack(past, axis=1)), "a history too short repeats its first entry"
+
+
+def test_the_model_hears_its_neighbours_observations_one_tick_old(notebook: Notebook, model: Path) -> None:
+    still = {"radius_m": 0}
+    simulation = Simulation([task(model, trajectory={"replan_ticks": 1}, start=still)])
+    simulation.tick()
+    before = simulation.agents.work.observation.copy()
+    simulation.tick()
+    first, second = notebook.asked
+    assert not first["heard"].any()
+    assert not first["share"].any()
+    near = simulation.agents.memory.hops == 1
+    for row in range(6):
+        neighbours = np.flatnonzero(near[row])
+        heard = second["heard"][row, -1]
+        assert heard[: len(neighbours)] == pytest.approx(before[neighbours], abs=1 / OBSERVATION_UNIT)
+        assert not heard[len(neighbours) :].any()
+        share = [1 / len(neighbours)] * len(neighbours) + [0.0] * (8 - len(neighbours))
+        assert second["share"][row, -1] == pytest.approx(share)
+
+
+def test_frames_that_fail_to_come_are_believed_for_a_while(notebook: Notebook, model: Path) -> None:
+    radio = {"frame_rate_hz": 10, "memory_s": 0.2}
+    fields = {"trajectory": {"replan_ticks": 1}, "start": {"radius_m": 0}, "radio": radio}
+    simulation = Simulation([task(model, **fields)])
+    for _ in range(25):
+        simulation.tick()
+    assert notebook.asked[-1]["share"][:, -1].sum(axis=1) == pytest.approx(np.ones(6))
+
+
+def test_a_restarted_drone_plans_at_once_and_from_nothing(notebook: Notebook, model: Path) -> None:
+    fault = {"at_s": 0.13, "kind": "restart", "agents": [2]}
+    simulation = Simulation([task(model, faults=[fault])])
+    histories = [told(notebook, simulation) for _ in range(14)]
+    (fresh,) = [own for own in histories[13] if (own == own[-1]).all()]
+    assert np.array_equal(fresh[-1], simulation.agents.work.observation[2].astype(np.float32))
+
+
+def test_a_wide_model_gets_the_wide_view(notebook: Notebook, tmp_path: Path) -> None:
+    path = tmp_path / "wide.onnx"
+    path.write_bytes(random_model(HORIZON, 8, wide=True).SerializeToString())
+    around = {"discs": [[3, 0, 1]]}
+    Simulation([task(path, agents=1, obstacles=around, start={"radius_m": 0})]).tick()
+    (question,) = notebook.asked
+    assert question["extra"].shape == (1, 24)
+    assert question["extra"][0, :3] == pytest.approx([-0.8, 0.0, 0.8])
+
+
+def test_a_rehearsal_loads_everything_and_opens_nothing(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:
+    monkeypatch.setattr(session, "open_session", lambda data: pytest.fail("opened"))
+    Simulation([task(model)], rehearsal=True).tick()
+
+
+# --- flying ------------------------------------------------------------------------------------------------
+
+
+def speed_up(path: Path, **changes: str) -> Path:
+    return written(path, HORIZON, straight_on(HORIZON, acceleration=(1.0, 0.0)), **changes)
+
+
+@pytest.mark.parametrize("tracking", ["smooth", "required"])
+def test_plans_are_flown_exactly(tmp_path: Path, tracking: str) -> None:
+    fields = {"safety_filter": False, "trajectory": {"tracking": tracking, "replan_ticks": 7}}
+    simulation = Simulation([task(speed_up(tmp_path / "push.onnx"), **fields, start={"radius_m": 0})])
+    start = simulation.world.position.copy()
+    for _ in range(30):
+        simulation.tick()
+    moved = simulation.world.position - start
+    assert moved[0] == pytest.approx(np.tile([0.5 * 0.3**2, 0.0], (6, 1)), abs=1e-6)
+
+
+def test_raw_plans_are_flown_by_their_points_alone(tmp_path: Path) -> None:
+    path = written(
+        tmp_path / "raw.onnx",
+        HORIZON,
+        straight_on(HORIZON, acceleration=(1.0, 0.0), told=False),
+        output="raw",
+    )
+    simulation = Simulation([task(path, agents=1, safety_filter=False)])
+    start = simulation.world.position.copy()
+    for _ in range(30):
+        simulation.tick()
+    assert (simulation.world.position - start)[0, 0] == pytest.approx([0.5 * 0.3**2, 0.0], abs=1e-6)
+
+
+def test_an_action_is_carried_out_as_it_is_every_tick(tmp_path: Path) -> None:
+    body = """
+        two = Constant <value_float = 2.0> ()
+        middle = Constant <value_ints = [1]> ()
+        ahead = Unsqueeze (target, middle)
+        acceleration = Mul (ahead, two)
+        displacement = Sub (ahead, ahead)
+    """
+    path = written(tmp_path / "action.onnx", 1, body, output="action", kind="stgnn")
+    simulation = Simulation([task(path, agents=1, trajectory={"tracking": "required"})])
+    for _ in range(5):
+        before = simulation.world.velocity.copy()
+        simulation.tick()
+        target = simulation.agents.work.observation[0, :2]  # at its slot error: aim is slot
+        assert (simulation.world.velocity - before)[0, 0] / TICK_S == pytest.approx(2 * target, rel=1e-5)
+
+
+# --- the same in every process -----------------------------------------------------------------------------
+
+_REAL = [*shipped_models(), "width 128", "width 256"]
+
+
+@pytest.mark.parametrize("name", _REAL)
+def test_a_rows_plan_does_not_depend_on_the_rows_beside_it(name: str) -> None:
+    """A drone asks for itself, a simulation for many at once: the bits must be the same, or twins would part."""
+    if name in shipped_models():
+        data = (SHIPPED / f"{name}.onnx").read_bytes()
+    else:
+        data = random_model(20, int(name.split()[1]), wide=True).SerializeToString()
+    run = session.open_session(data)
+    random = np.random.default_rng(7)
+    inputs = {
+        tensor.name: random.normal(size=(32, *tensor.shape[1:])).astype(np.float32)
+        for tensor in run.get_inputs()
+    }
+    whole = run.run(None, inputs)
+    for size in (1, 2, 3, 5, 8, 13, 21, 31):
+        for first in range(0, 32 - size + 1, size):
+            part = {name: value[first : first + size] for name, value in inputs.items()}
+            for some, all_ in zip(run.run(None, part), whole, strict=True):
+                assert np.array_equal(some, all_[first : first + size]), (size, first)
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        {},
+        {"trajectory": {"tracking": "required"}, "safety_filter": False},
+        {"radio": {"loss": 0.3, "frame_rate_hz": 20}, "aim": "chain", "sensing": {"neighbours": "heard"}},
+        {"faults": [{"at_s": 0.5, "kind": "restart", "agents": [2]}], "trajectory": {"replan_ticks": 3}},
+    ],
+    ids=["ours", "as-in-the-paper", "poor-radio", "restart"],
+)
+def test_a_drone_alone_and_all_together_fly_the_same_flight(tmp_path: Path, way: dict[str, Any]) -> None:
+    path = tmp_path / "random.onnx"
+    path.write_bytes(random_model(20, 32, wide=True).SerializeToString())
+    mission = task(path, time_limit_s=2.0, **way)
+    assert loopback.fly(mission).outcome == simulate([mission])[0]
+
+
+def test_the_library_starts_no_threads_and_sends_no_reports() -> None:
+    count = "import os, agent.policy.session; print(len(os.listdir('/proc/self/task')))"
+    alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    run = subprocess.run([sys.executable, "-c", count], env=alone, capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "1"
+
+
+# --- bad files ---------------------------------------------------------------------------------------------
+
+
+def refusal(path: Path, **fields: Any) -> str:
+    with pytest.raises(PolicyError) as caught:
+        find_policy(str(path), task(path, **fields)).open()  # type: ignore[attr-defined]
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    assert (
+        refusal(tmp_path / "no.onnx")
+        == f"policy: {tmp_path}/no.onnx: cannot be read (No such file or directory)"
+    )
+    folder = tmp_path / "folder.onnx"
+    folder.mkdir()
+    assert refusal(folder) == f"policy: {folder}: cannot be read (Is a directory)"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, share: float) -> None:
+    whole = random_model(HORIZON, 16).SerializeToString()
+    path = tmp_path / "cut.onnx"
+    path.write_bytes(whole[: int(share * len(whole))])
+    assert refusal(path) == f"policy: {path}: is damaged, cut off, or no ONNX file at all"
+
+
+@pytest.mark.parametrize(
+    "content", [b"PK\x03\x04 a zip archive", b"agents: 25\n", bytes(1000), b"\xff" * 100]
+)
+def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "other.onnx"
+    path.write_bytes(content)
+    assert "no ONNX file at all" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (
+            {"format": "other"},
+            "is an ONNX file but no policy of this project: its metadata lack format = rsc-swarm-policy",
+        ),
+        ({"version": "2"}, "cannot be flown by this version: version: input should be '1', not '2'"),
+        ({"features": "9"}, "cannot be flown by this version: features: input should be '1', not '9'"),
+        ({"horizon": "many"}, "cannot be flown by this version: horizon: input should be a valid integer"),
+        (
+            {"output": "words"},
+            "cannot be flown by this version: output: input should be 'knots', 'raw' or 'action'",
+        ),
+        ({"horizon": "12"}, "acceleration: should be (B, 12, 2), but is (B, 10, 2)"),
+        ({"neighbours": "6"}, "heard: should be (B, 3, 6, 18), but is (B, 3, 8, 18)"),
+        ({"extra": "wide"}, "extra: should be (B, 24), but is absent"),
+        ({"replan": "20"}, "replan: 20 ticks, but it plans only 10"),
+    ],
+)
+def test_a_file_that_does_not_keep_its_word_is_refused(
+    tmp_path: Path, changes: dict[str, str], why: str
+) -> None:
+    path = written(tmp_path / "wrong.onnx", HORIZON, straight_on(HORIZON), **changes)
+    assert refusal(path).startswith(f"policy: {path}: {why}")
+
+
+def test_a_model_that_cannot_run_is_refused_when_it_is_opened(tmp_path: Path) -> None:
+    body = straight_on(HORIZON).replace("Mul", "Nonsense")
+    assert "cannot be run (" in refusal(written(tmp_path / "wrong.onnx", HORIZON, body))
+
+
+def test_planning_more_seldom_than_plans_last_is_refused(model: Path) -> None:
+    why = refusal(model, trajectory={"replan_ticks": 11})
+    assert why == f"trajectory.replan_ticks: 11, but {model} plans 10 ticks; give at most that"
+
+
+def test_shipped_models_are_known_by_name_and_in_order() -> None:
+    for name in shipped_models():
+        assert name in policy_names()
+        find_policy(name, parse_mission({"policy": name}))
