@@ -19,6 +19,7 @@ _BAD_USAGE = (
     "RunDirError",
     "PlotError",
     "JournalError",
+    "TrainingError",
     "TableError",
 )
 _BROKEN = ("RunBroken", "CrewError")
@@ -230,6 +231,43 @@ def plot(
     from rsc_swarm import plot_command
 
     plot_command.run(options, out, plot_command.Subject(run_dir, compare, horizons, tuple(curve or ())))
+
+
+@app.command(
+    epilog=_examples(
+        "train --horizon 20",
+        "train --horizon 10 --preset paper --out training/paper-h10",
+        "train --config mine.yaml --seed 2 --threads 1",
+    )
+)
+def train(
+    horizon: Annotated[int | None, typer.Option(metavar="H", help="Planned steps of 10 ms. (20)")] = None,
+    preset: Annotated[
+        str, typer.Option(help="default: what ships; paper: the shape and output of the paper.")
+    ] = "default",
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Fields of the training config (YAML), on top of it.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of weights, maps and batches. (0)")] = None,
+    epochs: Annotated[int | None, typer.Option(help="How often to fly and learn. (20)")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Checkpoints, curves and model.onnx; goes on with what is there. (training/NAME)",
+        ),
+    ] = None,
+    device: Annotated[
+        str, typer.Option(help="auto, cpu or cuda; auto takes a GPU if there is one.")
+    ] = "auto",
+    threads: Annotated[int | None, typer.Option(min=1, help="Of torch. (one per processor)")] = None,
+) -> None:
+    """Train a policy by imitation of the expert and write it as a model file. Ctrl-C and the same command: goes on."""
+    _announce_compiling()
+    from rsc_swarm import train_command
+
+    given = {"horizon": horizon, "seed": seed, "epochs": epochs}
+    raise typer.Exit(train_command.run(preset, config, out, device, threads, **given))
 
 
 @app.command(

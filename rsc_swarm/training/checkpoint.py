@@ -1,0 +1,103 @@
+"""What a training keeps in its folder, so that it goes on after a stop as if there had been none.
+
+checkpoint.pt          weights, optimizer and curve after the last whole epoch
+samples/epoch-0003.pt  the graphs flown in an epoch, as long as the replay holds any of them
+curve.jsonl            one line of scalars per epoch; events.* are the same for TensorBoard
+model.onnx             at the end
+"""
+
+import json
+import math
+import os
+import pickle
+import shutil
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from rsc_swarm.training.config import TrainingConfig, TrainingError
+from rsc_swarm.training.replay import Replay, Samples
+from rsc_swarm.training.watcher import Scalars
+
+
+class TrainingFolder:
+    """The files of one training."""
+
+    def __init__(self, path: Path, config: TrainingConfig) -> None:
+        """Make the folder, or open that of an earlier run.
+
+        Raises:
+            TrainingError: it cannot be written, or holds a training with another config.
+        """
+        self.path, self._config = path, config
+        self.model = path / "model.onnx"
+        self._per_epoch = config.worlds * config.rounds
+        self._checkpoint, self._samples = path / "checkpoint.pt", path / "samples"
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise TrainingError(f"--out {path}: cannot be written ({error.strerror})") from None
+
+    def load(self) -> dict[str, Any] | None:
+        """The state after the last whole epoch; None at the beginning.
+
+        Raises:
+            TrainingError: the checkpoint is damaged, or of another config.
+        """
+        if not self._checkpoint.exists():
+            return None
+        state = _load(self._checkpoint)
+        theirs, ours = json.loads(state["config"]), self._config.model_dump(mode="json")
+        if differing := [name for name in ours if theirs.get(name) != ours[name]]:
+            name = differing[0]
+            raise TrainingError(
+                f"--out {self.path}: holds a training with {name} {theirs.get(name)}, not {ours[name]}; "
+                "give another folder"
+            )
+        return state
+
+    def save(self, curve: list[Scalars], learner: dict[str, Any], replay: Replay) -> None:
+        """Keep the state after the newest epoch of the curve, and the graphs flown in it."""
+        epoch = len(curve) - 1
+        self._samples.mkdir(exist_ok=True)
+        _write(self._epoch(epoch), replay.newest(self._per_epoch)._asdict())
+        _write(
+            self._checkpoint, {"config": self._config.model_dump_json(), "curve": curve, "learner": learner}
+        )
+        lines = "".join(json.dumps(scalars) + "\n" for scalars in curve)
+        (self.path / "curve.jsonl").write_text(lines, encoding="utf-8")
+        overwritten = epoch - math.ceil(replay.capacity / self._per_epoch)
+        self._epoch(overwritten).unlink(missing_ok=True)
+
+    def refill(self, replay: Replay, epochs: int) -> None:
+        """Put the graphs of the epochs flown so far back into the replay.
+
+        Raises:
+            TrainingError: a file is missing or damaged.
+        """
+        for epoch in range(epochs):
+            if (epochs - 1 - epoch) * self._per_epoch >= replay.capacity:
+                replay.total += self._per_epoch  # overwritten since
+            else:
+                replay.add(Samples(**_load(self._epoch(epoch))))
+
+    def finish(self) -> None:
+        """Remove what only going on would need."""
+        shutil.rmtree(self._samples, ignore_errors=True)
+
+    def _epoch(self, epoch: int) -> Path:
+        return self._samples / f"epoch-{epoch:04}.pt"
+
+
+def _write(path: Path, state: dict[str, Any]) -> None:
+    unfinished = path.with_name(path.name + ".part")
+    torch.save(state, unfinished)
+    os.replace(unfinished, path)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
+        raise TrainingError(f"{path}: is missing or damaged; remove {path.parent} and train anew") from None

@@ -1,0 +1,168 @@
+"""The training config: everything that decides a trained policy, in one validated, frozen document.
+
+Two are known by name: ``default``, which ships, and ``paper``, the shape of the paper (Sec. III-A). A file with a
+config is YAML with the fields below on top of one of these. Units are in the names.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from protocols.mission import (
+    TICK_S,
+    MissionError,
+    NotNegative,
+    Positive,
+    Probability,
+    explain,
+    read_mission_fields,
+)
+
+Count = Annotated[int, Field(ge=1)]
+PAST = 3  # past steps that are recorded
+
+
+class TrainingError(ValueError):
+    """A training that cannot be begun or gone on with; one line says what is wrong and what would be right."""
+
+
+class TrainingConfig(BaseModel):
+    """How a policy is shaped and trained."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    # The policy.
+    kind: Literal["rsc", "stgnn"] = "rsc"
+    horizon: Annotated[int, Field(ge=1, le=100)] = Field(20, description="planned steps H, 10 ms each")
+    replan_ticks: Count | None = Field(None, description="ticks between plans when flown; H if not given")
+    output: Literal["knots", "raw", "action"] = Field(
+        "knots",
+        description="knots: an acceleration, piecewise linear over the horizon; raw: H x 2 displacements (the paper); "
+        "action: the acceleration of one tick",
+    )
+    knots: Annotated[int, Field(ge=2, le=20)] = Field(
+        4, description="knots of the acceleration; one at H = 1"
+    )
+    extra: Literal["none", "wide"] = Field(
+        "wide", description="wide: four obstacles, three neighbours besides X_i"
+    )
+    past: Annotated[int, Field(ge=1, le=PAST)] = Field(PAST, description="past steps L")
+    width: Annotated[int, Field(ge=4, le=1024)] = 128
+    heads: Count = 4
+    feedforward: Count = 256
+    dropout: Annotated[float, Field(ge=0, lt=1)] = Field(0.0, description="of the local-formation stream")
+
+    # What is flown for the data.
+    agents: Annotated[int, Field(ge=2, le=100)] = 25
+    hard_share: Probability = Field(
+        0.8, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
+    )
+    worlds: Count = Field(64, description="episodes flown in step")
+    rounds: Count = Field(150, description="plans per epoch and world; each gives one graph of N samples")
+    mixing: tuple[Probability, Probability] = Field(
+        (1.0, 0.1),
+        description="share of plans the expert flies: first epoch, and after mixing_share of the epochs",
+    )
+    mixing_share: Probability = 0.15
+
+    # How it is learned.
+    epochs: Count = 20
+    updates: Count = Field(480, description="per epoch")
+    replay: Count = Field(200_000, description="graphs that are kept; the oldest go first")
+    batch: Count = Field(40, description="graphs per update")
+    learning_rate: Positive = 1e-3
+    cosine: bool = Field(True, description="the learning rate falls to zero as a cosine")
+    weight_decay: NotNegative = 0.0
+    averaging: Annotated[float, Field(ge=0, lt=1)] = Field(0.999, description="decay of the averaged weights")
+    mirror: bool = Field(
+        True, description="half of all graphs are learned as seen in a mirror along the motion"
+    )
+    position_weight: NotNegative = 1.0
+    velocity_weight: NotNegative = 1.0
+    bfloat16: bool = Field(True, description="multiply in bfloat16 where the processor can")
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+
+    @property
+    def name(self) -> str:
+        """What the model is called: rsc-h20, stgnn."""
+        return f"rsc-h{self.horizon}" if self.kind == "rsc" else self.kind
+
+    @property
+    def duration_s(self) -> float:
+        """T = H dt."""
+        return self.horizon * TICK_S
+
+    @property
+    def replan(self) -> int:
+        """Ticks between plans when flown."""
+        return self.replan_ticks or self.horizon
+
+    @property
+    def fly_ticks(self) -> tuple[int, int]:
+        """Between how many ticks a plan is flown for the data: often also past re-planning at half the horizon."""
+        return 10, max(20, self.horizon)
+
+    @property
+    def knot_count(self) -> int:
+        """Knots of the acceleration."""
+        return min(self.knots, self.horizon)
+
+    @model_validator(mode="after")
+    def _trainable(self) -> "TrainingConfig":
+        if self.kind == "stgnn" and self.output != "action":
+            raise ValueError(f"output: stgnn acts for one tick; give action, not {self.output}")
+        if self.output == "action" and self.horizon != 1:
+            raise ValueError(f"horizon: output action is for one tick; give 1, not {self.horizon}")
+        if self.replan > self.horizon:
+            raise ValueError(
+                f"replan_ticks: {self.replan} is beyond the horizon; give at most {self.horizon}"
+            )
+        if self.width % self.heads:
+            raise ValueError(f"width: {self.width} is not a multiple of {self.heads} heads")
+        if self.replay < self.worlds * self.rounds:
+            raise ValueError(f"replay: holds less than an epoch; give at least {self.worlds * self.rounds}")
+        if self.output != "raw" and self.position_weight == self.velocity_weight == 0:
+            raise ValueError("velocity_weight: with position_weight 0 as well there is nothing to learn")
+        if self.output == "raw" and not self.position_weight:
+            raise ValueError("position_weight: output raw learns positions only; give more than 0")
+        return self
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper": {
+        "output": "raw",
+        "extra": "none",
+        "width": 256,
+        "dropout": 0.1,
+        "learning_rate": 3e-4,
+        "cosine": False,
+        "hard_share": 0.0,
+        "velocity_weight": 0.0,
+    },
+}
+
+
+def make_config(preset: str, file: Path | None, **given: Any) -> TrainingConfig:
+    """The preset, then the fields of ``file``, then those given that are not None.
+
+    Raises:
+        TrainingError: an unknown preset or field, a bad value, an unreadable file.
+    """
+    if preset not in PRESETS:
+        raise TrainingError(f"--preset {preset}: no such preset; known: {', '.join(PRESETS)}")
+    try:
+        written = read_mission_fields(file) if file else {}
+    except MissionError as error:
+        raise TrainingError(str(error)) from None
+    given = {name: value for name, value in given.items() if value is not None}
+    source = f"{file}: " if file else ""
+    if unknown := sorted({*written, *given} - set(TrainingConfig.model_fields)):
+        raise TrainingError(
+            f"{source}{unknown[0]}: unknown field; known here: {', '.join(sorted(TrainingConfig.model_fields))}"
+        )
+    try:
+        return TrainingConfig.model_validate({**PRESETS[preset], **written, **given})
+    except ValidationError as error:
+        raise TrainingError(source + explain(error)) from None

@@ -1,0 +1,115 @@
+"""A trained network as a model file: ONNX with everything a drone must know about it, checked against torch."""
+
+import os
+import subprocess
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from torch import Tensor, nn
+
+from rsc_swarm.model_inputs import PLACES, ModelInputs
+from rsc_swarm.training.config import TrainingConfig, TrainingError
+from rsc_swarm.training.network import WIDE_SIZE, X_SIZE, PolicyNetwork
+
+OPSET = 17
+FORMAT, VERSION, FEATURES = "rsc-swarm-policy", "1", "1"
+TOLERANCE = 1e-5
+
+
+class ModelFile(nn.Module):
+    """The network with the inputs and outputs of the model file."""
+
+    def __init__(self, network: PolicyNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(
+        self, own: Tensor, heard: Tensor, share: Tensor, target: Tensor, *extra: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Displacement and acceleration, (B, H, 2) each."""
+        local = torch.cat([target, *extra], -1)
+        displacement, _, acceleration = self.network.plan(self.network.drones(own, heard, share, local))
+        return displacement, acceleration
+
+
+def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs, path: Path) -> float:
+    """Write the model file; return its largest difference from torch on the recorded observations.
+
+    Raises:
+        TrainingError: the file's outputs differ from torch's by more than 1e-5.
+    """
+    model = ModelFile(network).eval()
+    names = ["own", "heard", "share", "target"] + (["extra"] if config.extra == "wide" else [])
+    example = [torch.zeros(2, config.past, X_SIZE), torch.zeros(2, config.past, PLACES, X_SIZE)]
+    example += [torch.zeros(2, config.past, PLACES), torch.zeros(2, 2), torch.zeros(2, WIDE_SIZE)]
+    outputs = ["displacement", "acceleration"]
+    unfinished = path.with_name(path.name + ".part")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the newer exporter needs one more package and gains nothing here
+        torch.onnx.export(
+            model.cpu(),
+            tuple(example[: len(names)]),
+            unfinished,
+            input_names=names,
+            output_names=outputs,
+            dynamic_axes={name: {0: "drones"} for name in names + outputs},
+            opset_version=OPSET,
+            dynamo=False,
+        )
+    document = onnx.load(unfinished)
+    onnx.helper.set_model_props(document, metadata(config))
+    onnx.checker.check_model(document)
+    onnx.save(document, unfinished)
+    difference = _difference(unfinished, model, recorded, names)
+    if difference > TOLERANCE:
+        raise TrainingError(
+            f"{path}: the exported model differs from torch by {difference:.1e}; at most 1e-5"
+        )
+    os.replace(unfinished, path)
+    return difference
+
+
+def metadata(config: TrainingConfig) -> dict[str, str]:
+    """What a drone must know to fly the model, and where it came from."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "features": FEATURES,
+        "kind": config.kind,
+        "horizon": str(config.horizon),
+        "past": str(config.past),
+        "neighbours": str(PLACES),
+        "extra": config.extra,
+        "output": config.output,
+        "replan": str(config.replan),
+        "config": config.model_dump_json(),
+        "seed": str(config.seed),
+        "commit": _commit(),
+    }
+
+
+def _difference(file: Path, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    inputs = {name: getattr(recorded, name) for name in names}
+    said = session.run(None, inputs)
+    with torch.no_grad():
+        meant = model(*(torch.from_numpy(value) for value in inputs.values()))
+    return max(float(np.abs(a - b.numpy()).max()) for a, b in zip(said, meant, strict=True))
+
+
+def _commit() -> str:
+    """The commit of the code that trained, or unknown outside a checkout."""
+    here = Path(__file__).parent
+    try:
+        asked = subprocess.run(
+            ["git", "rev-parse", "--short=12", "HEAD"], cwd=here, capture_output=True, text=True, check=False
+        )
+    except OSError:
+        return "unknown"
+    return asked.stdout.strip() or "unknown"

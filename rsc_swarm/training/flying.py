@@ -1,0 +1,117 @@
+"""The flown half of an epoch: episodes in step, by the policy or the expert, every state labelled by the expert.
+
+The expert flies on from a snapshot of each state, which is then restored; so its label is what it would do there,
+wherever the policy has brought the swarm (DAgger, Ross et al. 2011).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from protocols.mission import TICK_S, Mission, Obstacles, Trajectory
+from rsc_swarm.batch import Batch
+from rsc_swarm.batch_kernel import COLLIDED, FLYING, SUCCEEDED
+from rsc_swarm.training.config import PAST, TrainingConfig
+from rsc_swarm.training.network import PolicyNetwork
+from rsc_swarm.training.replay import Replay, Samples
+
+TRAINING_MAPS = (1_000_000, 2**32)
+_PLAIN, _HARD = Obstacles(), Obstacles(count=(12, 14))
+
+
+@dataclass
+class Flown:
+    """What an epoch's flights add up to."""
+
+    episodes: int = 0
+    succeeded: int = 0
+    collided: int = 0
+    mae_m: float | None = None  # of the policy's plans before it learned from these flights
+    mae_constant_velocity_m: float = 0.0
+
+
+def training_mission(config: TrainingConfig, rng: np.random.Generator) -> Mission:
+    """A mission on a map that no test uses, from a start of its own."""
+    return Mission(
+        name="training",
+        agents=config.agents,
+        obstacles=_HARD if rng.random() < config.hard_share else _PLAIN,
+        trajectory=Trajectory(tracking="required" if config.output == "raw" else "smooth"),
+        map_seed=int(rng.integers(*TRAINING_MAPS)),
+        seed=int(rng.integers(2**32)),
+    )
+
+
+def fly(
+    config: TrainingConfig,
+    policy: PolicyNetwork,
+    mixing: float,
+    rng: np.random.Generator,
+    replay: Replay,
+    each_round: Callable[[], None],
+) -> Flown:
+    """Fly one epoch's rounds and add all graphs to the replay. ``mixing``: the share of plans that the expert flies."""
+    batch = Batch([training_mission(config, rng) for _ in range(config.worlds)])
+    flown, errors, moved = Flown(), [], []
+    for _ in range(config.rounds):
+        displacement, change = batch.label(config.horizon)
+        samples = observed(batch, config, torch.from_numpy(change))
+        replay.add(samples)
+        moved.append(np.abs(displacement).mean())
+        by_expert = rng.random(config.worlds) < mixing
+        ticks = int(rng.integers(config.fly_ticks[0], config.fly_ticks[1] + 1))
+        if by_expert.all():
+            batch.fly(ticks)
+        else:
+            planned, acceleration = decide(policy, samples)
+            errors.append(np.abs(planned - displacement).mean())
+            planned, acceleration = continued(planned, acceleration, ticks)
+            batch.fly(ticks, acceleration, planned, by_expert)
+        for world in np.flatnonzero(batch.result != FLYING):
+            flown.episodes += 1
+            flown.succeeded += int(batch.result[world] == SUCCEEDED)
+            flown.collided += int(batch.result[world] == COLLIDED)
+            batch.restart(int(world), training_mission(config, rng))
+        each_round()
+    flown.mae_m = float(np.mean(errors)) if errors else None
+    flown.mae_constant_velocity_m = float(np.mean(moved))
+    return flown
+
+
+def observed(batch: Batch, config: TrainingConfig, change: Tensor) -> Samples:
+    """What the drones of all worlds see now, with the expert's label."""
+    local = [batch.target, batch.extra] if config.extra == "wide" else [batch.target]
+    return Samples(
+        torch.from_numpy(batch.observation).transpose(0, 1),
+        torch.from_numpy(batch.near[:PAST]).transpose(0, 1),
+        torch.from_numpy(np.concatenate(local, -1)),
+        change,
+    )
+
+
+@torch.no_grad()
+def decide(policy: PolicyNetwork, samples: Samples) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The policy's plan for whole swarms: displacement and acceleration, (E, N, H, 2) each."""
+    output = policy.graphs(*(values.to(policy.device) for values in samples[:3]))
+    displacement, _, acceleration = policy.plan(output)
+    return displacement.cpu().numpy(), acceleration.cpu().numpy()
+
+
+def continued(
+    displacement: NDArray[np.float32], acceleration: NDArray[np.float32], ticks: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Plans (..., H, 2) for so many ticks: those beyond the horizon go on with the last acceleration."""
+    horizon = displacement.shape[-2]
+    if ticks <= horizon:
+        return displacement, acceleration
+    last, final = acceleration[..., -1:, :], displacement[..., -1:, :]
+    before = displacement[..., -2:-1, :] if horizon > 1 else 0.0 * final
+    speed = (final - before) / TICK_S + 0.5 * TICK_S * last
+    later = TICK_S * np.arange(1, ticks - horizon + 1, dtype=np.float32)[:, None]
+    beyond = final + speed * later + 0.5 * last * later**2
+    steady = np.broadcast_to(last, beyond.shape)
+    return np.concatenate([displacement, beyond], -2), np.concatenate([acceleration, steady], -2)

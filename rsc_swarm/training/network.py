@@ -1,0 +1,182 @@
+"""The policy network (paper, Sec. III-A): two streams, one over what the neighbours said, one over the own target.
+
+There are two ways in to one set of weights. `graphs` takes whole swarms, as training has them: every drone's X_i is
+embedded once and then gathered by its neighbours. `drones` takes what one drone has heard, as the model file does.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from rsc_swarm.training.config import PAST, TrainingConfig
+from rsc_swarm.training.plan import Plan
+
+X_SIZE, TARGET_SIZE, WIDE_SIZE = 18, 2, 24
+CLIP = 6.0
+
+
+class Normal(nn.Module):
+    """Z-scores, clipped; the means and deviations are measured once on recorded data."""
+
+    mean: Tensor
+    deviation: Tensor
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("deviation", torch.ones(size))
+
+    def measure(self, values: Tensor) -> None:
+        """Take mean and deviation from values (..., size)."""
+        flat = values.reshape(-1, values.shape[-1]).float()
+        self.mean.copy_(flat.mean(0))
+        self.deviation.copy_(flat.std(0).clamp(min=1e-2))
+
+    def forward(self, values: Tensor) -> Tensor:
+        return ((values - self.mean) / self.deviation).clamp(-CLIP, CLIP)
+
+
+class PolicyNetwork(nn.Module):
+    """What both kinds of network share: the ways in, the normalisation, and the plan that comes out.
+
+    G graphs of N drones, B drones; L past steps, newest last; K neighbour places.
+    """
+
+    def __init__(self, config: TrainingConfig) -> None:
+        super().__init__()
+        self.past = config.past
+        self.local_size = TARGET_SIZE + (WIDE_SIZE if config.extra == "wide" else 0)
+        self.normal_x = Normal(X_SIZE)
+        self.normal_local = Normal(self.local_size)
+        self.plan = Plan(config)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return self.plan.travel.device
+
+    def graphs(self, observation: Tensor, near: Tensor, local: Tensor) -> Tensor:
+        """Outputs (G, N, size) from X_i (G, 4, N, 18), neighbours' numbers (G, 3 or 4, N, K; -1: none), local (G, N, F).
+
+        X_j(t-1) of the neighbours at t-1 is heard at t, so ``near`` belongs to the ticks of the observations before the
+        newest; a later one is not looked at.
+        """
+        first = PAST - self.past
+        nodes = self.embed(self.normal_x(observation[:, first:]))
+        mean = neighbour_shares(near[:, first:PAST]).to(nodes.dtype) @ nodes[:, :-1]
+        return self.decide(nodes[:, 1:].movedim(1, 2), mean.movedim(1, 2), self.normal_local(local))
+
+    def drones(self, own: Tensor, heard: Tensor, share: Tensor, local: Tensor) -> Tensor:
+        """Outputs (B, size) from own X_i (B, L, 18), heard X_j (B, L, K, 18), share (B, L, K), local (B, F)."""
+        nodes = self.embed(self.normal_x(torch.cat([own[:, :, None], heard], 2)))
+        mean = (share[..., None, :] @ nodes[:, :, 1:]).squeeze(-2)
+        return self.decide(nodes[:, :, 0], mean, self.normal_local(local))
+
+    def embed(self, x: Tensor) -> Tensor:
+        """Embedding (..., width) of normalised X_i (..., 18)."""
+        raise NotImplementedError
+
+    def decide(self, own: Tensor, mean: Tensor, local: Tensor) -> Tensor:
+        """Outputs from own embeddings and the mean of the neighbours' (..., L, width), and local inputs (..., F)."""
+        raise NotImplementedError
+
+
+def neighbour_shares(near: Tensor) -> Tensor:
+    """(G, L, N, N) weights whose product with the nodes is the mean over each drone's neighbours; near (G, L, N, K)."""
+    used = near >= 0
+    share = used / used.sum(-1, keepdim=True).clamp(min=1)
+    drones = near.shape[-2]
+    weights = share.new_zeros(
+        *near.shape[:-1], drones + 1
+    )  # one more column takes the places without a neighbour
+    return weights.scatter_add_(-1, torch.where(used, near, drones).long(), share)[..., :drones]
+
+
+class RscNetwork(PolicyNetwork):
+    """The paper's network: MLP, GraphSAGE over the neighbours, transformer over time; MLP on the target; head."""
+
+    def __init__(self, config: TrainingConfig) -> None:
+        super().__init__(config)
+        width = config.width
+        self.node = nn.Sequential(nn.Linear(X_SIZE, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        self.from_own = nn.Linear(width, width)
+        self.from_neighbours = nn.Linear(width, width, bias=False)
+        self.when = nn.Parameter(0.02 * torch.randn(config.past, width))
+        self.time = NewestToken(width, config.heads, config.feedforward)
+        self.local = nn.Sequential(
+            nn.Linear(self.local_size, width),
+            nn.LeakyReLU(),
+            nn.Dropout(config.dropout),
+            nn.Linear(width, width),
+            nn.LeakyReLU(),
+        )
+        self.head = nn.Sequential(
+            nn.Linear(2 * width, width), nn.LeakyReLU(), _quiet(nn.Linear(width, self.plan.size))
+        )
+
+    def embed(self, x: Tensor) -> Tensor:
+        return self.node(x)
+
+    def decide(self, own: Tensor, mean: Tensor, local: Tensor) -> Tensor:
+        step = torch.relu(self.from_own(own) + self.from_neighbours(mean))
+        context = self.time(step + self.when)
+        return self.head(torch.cat([context, self.local(local)], -1))
+
+
+class NewestToken(nn.Module):
+    """One transformer encoder layer, of which only the newest token is read: the others need no query of their own."""
+
+    def __init__(self, width: int, heads: int, feedforward: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.query, self.key, self.value, self.out = (nn.Linear(width, width) for _ in range(4))
+        self.after_attention, self.after_feedforward = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.feedforward = nn.Sequential(
+            nn.Linear(width, feedforward), nn.ReLU(), nn.Linear(feedforward, width)
+        )
+
+    def forward(self, tokens: Tensor) -> Tensor:
+        """(..., L, width) to (..., width)."""
+        split = (self.heads, tokens.shape[-1] // self.heads)
+        newest = tokens[..., -1, :]
+        query = self.query(newest).unflatten(-1, split)
+        key, value = self.key(tokens).unflatten(-1, split), self.value(tokens).unflatten(-1, split)
+        score = (query[..., None, :, :] * key).sum(-1, keepdim=True) * split[1] ** -0.5  # (..., L, heads, 1)
+        seen = (score.softmax(-3) * value).sum(-3).flatten(-2)
+        newest = self.after_attention(newest + self.out(seen))
+        return self.after_feedforward(newest + self.feedforward(newest))
+
+
+class StgnnNetwork(PolicyNetwork):
+    """The baseline of Tolstaya et al. and Chen et al.: delayed means of the neighbours' X_j (paper, eq. 4) into an MLP."""
+
+    def __init__(self, config: TrainingConfig) -> None:
+        super().__init__(config)
+        width, size = config.width, (1 + config.past) * X_SIZE + self.local_size
+        self.head = nn.Sequential(
+            nn.Linear(size, width),
+            nn.ReLU(),
+            nn.Linear(width, width),
+            nn.ReLU(),
+            nn.Linear(width, width),
+            nn.ReLU(),
+            _quiet(nn.Linear(width, self.plan.size)),
+        )
+
+    def embed(self, x: Tensor) -> Tensor:
+        return x
+
+    def decide(self, own: Tensor, mean: Tensor, local: Tensor) -> Tensor:
+        return self.head(torch.cat([own[..., -1, :], mean.flatten(-2), local], -1))
+
+
+def _quiet(last: nn.Linear) -> nn.Linear:
+    """A last layer that begins near zero, so that an untrained policy flies on as it does."""
+    with torch.no_grad():
+        last.weight.mul_(0.1)
+        last.bias.zero_()
+    return last
+
+
+def make_network(config: TrainingConfig) -> PolicyNetwork:
+    """An untrained network; torch's seed decides its weights."""
+    return StgnnNetwork(config) if config.kind == "stgnn" else RscNetwork(config)

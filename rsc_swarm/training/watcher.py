@@ -1,0 +1,18 @@
+"""Who is told how a training goes."""
+
+from rsc_swarm.training.config import TrainingConfig
+
+Scalars = dict[str, float]
+
+
+class Watcher:
+    """Is told, and says nothing."""
+
+    def begin(self, config: TrainingConfig, curve: list[Scalars]) -> None:
+        """It begins, or goes on after the epochs of ``curve``."""
+
+    def step(self, share: float) -> None:
+        """This share of the present epoch is done."""
+
+    def epoch(self, scalars: Scalars) -> None:
+        """An epoch is done."""

@@ -1,0 +1,190 @@
+"""Training: it learns, a stop costs nothing, and what comes out is a model file that does what the network does."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import torch
+import yaml
+
+from rsc_swarm import cli
+from rsc_swarm.training import dagger
+from rsc_swarm.training.checkpoint import TrainingFolder
+from rsc_swarm.training.config import TrainingConfig, TrainingError
+from rsc_swarm.training.dagger import mixing, train
+from rsc_swarm.training.learning import Learner
+from rsc_swarm.training.network import make_network
+from rsc_swarm.training.replay import Replay, Samples
+from rsc_swarm.training.watcher import Watcher
+from tests.training.conftest import TINY
+
+
+class Stopping(Watcher):
+    """Presses Ctrl-C in the middle of the second epoch."""
+
+    def begin(self, config, curve):
+        self.done = len(curve)
+
+    def epoch(self, scalars):
+        self.done += 1
+
+    def step(self, share):
+        if self.done == 1 and share > 0.7:
+            raise KeyboardInterrupt
+
+
+@pytest.fixture
+def unexported(monkeypatch):
+    """No model is written: its check opens a session of ONNX Runtime, and this process may fork later."""
+    monkeypatch.setattr(dagger, "export", lambda *_: None)
+
+
+def weights(folder):
+    return torch.load(folder / "checkpoint.pt", weights_only=True)["learner"]["average"]
+
+
+def test_the_loss_falls(tiny):
+    torch.manual_seed(0)
+    config = tiny.model_copy(update={"updates": 60, "learning_rate": 1e-2})
+    learner, replay = Learner(config, make_network(config)), Replay(config, torch.device("cpu"))
+    local = torch.randn(36, 4, 26)
+    change = 0.05 * local[:, :, None, :2] * torch.arange(1, 5)[:, None]
+    replay.add(Samples(torch.randn(36, 4, 4, 18), torch.zeros(36, 3, 4, 8), local, change))
+    losses = [learner.learn(replay, lambda: None).loss for _ in range(3)]
+    assert losses[2] < 0.5 * losses[0]
+
+
+def test_the_expert_flies_less_and_less(tiny):
+    config = tiny.model_copy(update={"epochs": 20, "mixing_share": 0.2})
+    assert [round(mixing(config, epoch), 3) for epoch in (0, 2, 4, 19)] == [1.0, 0.55, 0.1, 0.1]
+
+
+@pytest.mark.parametrize("replay", [18, 36, 54])
+def test_a_stopped_training_goes_on_to_the_same_weights(tiny, tmp_path, unexported, replay):
+    config = tiny.model_copy(update={"replay": replay})
+    train(config, tmp_path / "whole", "cpu", 1, Watcher())
+    with pytest.raises(KeyboardInterrupt):
+        train(config, tmp_path / "stopped", "cpu", 1, Stopping())
+    assert len((tmp_path / "stopped" / "curve.jsonl").read_text().splitlines()) == 1
+    train(config, tmp_path / "stopped", "cpu", 1, Watcher())
+    for name, whole in weights(tmp_path / "whole").items():
+        assert torch.equal(whole, weights(tmp_path / "stopped")[name]), name
+    curve = [json.loads(line) for line in (tmp_path / "stopped" / "curve.jsonl").read_text().splitlines()]
+    assert [point["epoch"] for point in curve] == [0, 1, 2]
+    assert curve[-1]["updates"] == 36
+    assert curve[-1]["flown_mae_m"] > 0
+
+
+def test_another_seed_gives_other_weights(tiny, tmp_path, unexported):
+    short = tiny.model_copy(update={"epochs": 1})
+    for seed in (0, 1):
+        train(short.model_copy(update={"seed": seed}), tmp_path / str(seed), "cpu", 1, Watcher())
+    first, second = (weights(tmp_path / str(seed))["node.0.weight"] for seed in (0, 1))
+    assert not torch.equal(first, second)
+
+
+def test_a_folder_with_another_training_is_refused(tiny, tmp_path, unexported):
+    short = tiny.model_copy(update={"epochs": 1})
+    train(short, tmp_path, "cpu", 1, Watcher())
+    with pytest.raises(TrainingError, match="holds a training with width 8, not 16; give another folder"):
+        TrainingFolder(tmp_path, short.model_copy(update={"width": 16})).load()
+
+
+@pytest.mark.parametrize("damage", [b"", b"not a checkpoint", None])
+def test_a_damaged_checkpoint_is_one_line(tiny, tmp_path, unexported, damage):
+    train(tiny.model_copy(update={"epochs": 1}), tmp_path, "cpu", 1, Watcher())
+    file = tmp_path / "checkpoint.pt"
+    file.write_bytes(file.read_bytes()[:2000] if damage is None else damage)
+    with pytest.raises(TrainingError, match=r"checkpoint.pt: is missing or damaged; remove .* train anew"):
+        TrainingFolder(tmp_path, tiny).load()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ("train --preset none", "--preset none: no such preset"),
+        ("train --horizon 0", "horizon: input should be greater than or equal to 1, not 0"),
+        ("train --config /nowhere.yaml", "/nowhere.yaml: cannot be read"),
+        ("train --device abacus", "--device abacus: give auto, cpu or cuda"),
+        ("train --out /proc/training", "--out /proc/training: cannot be written"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(monkeypatch, capsys, arguments, line):
+    monkeypatch.setattr(sys, "argv", ["rsc-swarm", *arguments.split()])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    said = capsys.readouterr().err
+    assert left.value.code == 2, said
+    assert said.count("\n") == 1
+    assert said.startswith(f"rsc-swarm: {line}")
+
+
+def test_without_torch_one_line_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rsc_swarm.training.dagger", None)
+    monkeypatch.setattr(sys, "argv", ["rsc-swarm", "train"])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 3  # not one of the packages: told as it is
+
+    monkeypatch.delitem(sys.modules, "rsc_swarm.training.dagger")
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 2
+    assert "training needs torch: pip install 'rsc-swarm[train]'" in capsys.readouterr().err
+
+
+_LOOK = """
+import json, sys
+import numpy as np, onnxruntime
+from protocols.mission import Mission
+from rsc_swarm.accuracy import mae
+session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
+shapes = {value.name: [1, *value.shape[1:]] for value in session.get_inputs()}
+said = session.run(None, {name: np.ones(shape, np.float32) for name, shape in shapes.items()})
+about = session.get_modelmeta().custom_metadata_map
+planned, steady = mae(sys.argv[1], Mission(agents=4, time_limit_s=0.5), range(1_000_000, 1_000_002))
+print(json.dumps([shapes, [list(value.shape) for value in said], about, planned, steady]))
+"""
+
+
+def test_the_command_leaves_a_model_file_that_any_drone_can_read(tmp_path):
+    config, folder = tmp_path / "tiny.yaml", tmp_path / "out"
+    config.write_text(yaml.safe_dump(TINY))
+    command = [sys.executable, "-m", "rsc_swarm", "train", "--config", str(config), "--out", str(folder)]
+    first = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert first.stdout.startswith(f"{folder}/model.onnx: ")
+    assert sorted(path.name.split(".")[0] for path in folder.iterdir()) == [
+        "checkpoint",
+        "curve",
+        "events",
+        "model",
+    ]
+    again = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert again.stdout == first.stdout
+
+    looked = subprocess.run(
+        [sys.executable, "-c", _LOOK, str(folder / "model.onnx")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    inputs, outputs, about, planned, steady = json.loads(looked.stdout)
+    assert inputs == {
+        "own": [1, 3, 18],
+        "heard": [1, 3, 8, 18],
+        "share": [1, 3, 8],
+        "target": [1, 2],
+        "extra": [1, 24],
+    }
+    assert outputs == [[1, 4, 2], [1, 4, 2]]
+    assert (about["format"], about["version"], about["kind"], about["horizon"]) == (
+        "rsc-swarm-policy",
+        "1",
+        "rsc",
+        "4",
+    )
+    assert TrainingConfig.model_validate_json(about["config"]).width == 8
+    assert 0 < planned < 10 * steady
