@@ -19,7 +19,7 @@ from world.watch import Watched
 EXPERT = "expert"
 FILES = (Path(batch.__file__), Path(batch_kernel.__file__))  # what besides the rules decides its flights
 _ONE_VIEW = Watched(
-    breach=None, views_differ_s=0.0, agreed_after_s=0.0, agreed=True, most_swaps_in_a_second=0, undone=0
+    breach=None, views_differ_s=0.0, agreed_after_s=0.0, allowed_after_s=0.0, agreed=True, most_swaps_in_a_second=0, undone=0
 )  # fmt: skip
 _Ended = tuple[int, Outcome, Watched, dict[str, int]]  # world, and what a Flight tells of it
 
