@@ -243,7 +243,10 @@ def plot(
 def train(
     horizon: Annotated[int | None, typer.Option(metavar="H", help="Planned steps of 10 ms. (20)")] = None,
     preset: Annotated[
-        str, typer.Option(help="default: what ships; paper: the shape and output of the paper.")
+        str,
+        typer.Option(
+            help="default: what ships; paper: the shape and output of the paper; stgnn: the baseline."
+        ),
     ] = "default",
     config: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Fields of the training config (YAML), on top of it.")

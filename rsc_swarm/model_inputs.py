@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
-PLACES = 8  # neighbours that are heard at most
 
 
 class ModelInputs(NamedTuple):

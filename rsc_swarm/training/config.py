@@ -1,7 +1,7 @@
 """The training config: everything that decides a trained policy, in one validated, frozen document.
 
-Two are known by name: ``default``, which ships, and ``paper``, the shape of the paper (Sec. III-A). A file with a
-config is YAML with the fields below on top of one of these. Units are in the names.
+Three are known by name: ``default``, which ships, ``paper``, the shape of the paper (Sec. III-A), and ``stgnn``, the
+baseline. A file with a config is YAML with the fields below on top of one of these. Units are in the names.
 """
 
 from pathlib import Path
@@ -141,6 +141,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "hard_share": 0.0,
         "velocity_weight": 0.0,
     },
+    "stgnn": {"kind": "stgnn", "horizon": 1, "output": "action", "width": 256},
 }
 
 

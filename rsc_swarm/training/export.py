@@ -11,12 +11,16 @@ import onnxruntime
 import torch
 from torch import Tensor, nn
 
-from rsc_swarm.model_inputs import PLACES, ModelInputs
+from agent.observation import WIDE_SIZE
+from agent.policy.model_file import FORMAT
+from protocols.frames import OBSERVATION_SIZE
+from rsc_swarm.batch import NEIGHBOURS
+from rsc_swarm.model_inputs import ModelInputs
 from rsc_swarm.training.config import TrainingConfig, TrainingError
-from rsc_swarm.training.network import WIDE_SIZE, X_SIZE, PolicyNetwork
+from rsc_swarm.training.network import PolicyNetwork
 
 OPSET = 17
-FORMAT, VERSION, FEATURES = "rsc-swarm-policy", "1", "1"
+VERSION, FEATURES = "1", "1"
 TOLERANCE = 1e-5
 
 
@@ -44,8 +48,11 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     """
     model = ModelFile(network).eval()
     names = ["own", "heard", "share", "target"] + (["extra"] if config.extra == "wide" else [])
-    example = [torch.zeros(2, config.past, X_SIZE), torch.zeros(2, config.past, PLACES, X_SIZE)]
-    example += [torch.zeros(2, config.past, PLACES), torch.zeros(2, 2), torch.zeros(2, WIDE_SIZE)]
+    example = [
+        torch.zeros(2, config.past, OBSERVATION_SIZE),
+        torch.zeros(2, config.past, NEIGHBOURS, OBSERVATION_SIZE),
+    ]
+    example += [torch.zeros(2, config.past, NEIGHBOURS), torch.zeros(2, 2), torch.zeros(2, WIDE_SIZE)]
     outputs = ["displacement", "acceleration"]
     unfinished = path.with_name(path.name + ".part")
     with warnings.catch_warnings():
@@ -82,7 +89,7 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
         "kind": config.kind,
         "horizon": str(config.horizon),
         "past": str(config.past),
-        "neighbours": str(PLACES),
+        "neighbours": str(NEIGHBOURS),
         "extra": config.extra,
         "output": config.output,
         "replan": str(config.replan),

@@ -7,10 +7,12 @@ embedded once and then gathered by its neighbours. `drones` takes what one drone
 import torch
 from torch import Tensor, nn
 
+from agent.observation import WIDE_SIZE
+from protocols.frames import OBSERVATION_SIZE
 from rsc_swarm.training.config import PAST, TrainingConfig
 from rsc_swarm.training.plan import Plan
 
-X_SIZE, TARGET_SIZE, WIDE_SIZE = 18, 2, 24
+TARGET_SIZE = 2
 CLIP = 6.0
 
 
@@ -45,7 +47,7 @@ class PolicyNetwork(nn.Module):
         super().__init__()
         self.past = config.past
         self.local_size = TARGET_SIZE + (WIDE_SIZE if config.extra == "wide" else 0)
-        self.normal_x = Normal(X_SIZE)
+        self.normal_x = Normal(OBSERVATION_SIZE)
         self.normal_local = Normal(self.local_size)
         self.plan = Plan(config)
 
@@ -97,7 +99,9 @@ class RscNetwork(PolicyNetwork):
     def __init__(self, config: TrainingConfig) -> None:
         super().__init__(config)
         width = config.width
-        self.node = nn.Sequential(nn.Linear(X_SIZE, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        self.node = nn.Sequential(
+            nn.Linear(OBSERVATION_SIZE, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU()
+        )
         self.from_own = nn.Linear(width, width)
         self.from_neighbours = nn.Linear(width, width, bias=False)
         self.when = nn.Parameter(0.02 * torch.randn(config.past, width))
@@ -151,7 +155,7 @@ class StgnnNetwork(PolicyNetwork):
 
     def __init__(self, config: TrainingConfig) -> None:
         super().__init__(config)
-        width, size = config.width, (1 + config.past) * X_SIZE + self.local_size
+        width, size = config.width, (1 + config.past) * OBSERVATION_SIZE + self.local_size
         self.head = nn.Sequential(
             nn.Linear(size, width),
             nn.ReLU(),

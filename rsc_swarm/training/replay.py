@@ -5,9 +5,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from rsc_swarm.model_inputs import PLACES
+from agent.observation import WIDE_SIZE
+from protocols.frames import OBSERVATION_SIZE
+from rsc_swarm.batch import NEIGHBOURS
 from rsc_swarm.training.config import PAST, TrainingConfig
-from rsc_swarm.training.network import TARGET_SIZE, WIDE_SIZE, X_SIZE
+from rsc_swarm.training.network import TARGET_SIZE
 
 # Signs under a mirror along the direction of motion: every y changes its sign.
 _MIRROR_X = [1, -1] * 2 + [1, -1, 1] * 2 + [1, -1] * 4
@@ -51,8 +53,8 @@ class Replay:
             return torch.empty(self.capacity, *shape, dtype=kind, device=device)
 
         self._rows = Samples(
-            room(torch.float16, PAST + 1, drones, X_SIZE),
-            room(torch.int16, PAST, drones, PLACES),
+            room(torch.float16, PAST + 1, drones, OBSERVATION_SIZE),
+            room(torch.int16, PAST, drones, NEIGHBOURS),
             room(torch.float16, drones, local),
             room(torch.float16, drones, config.horizon, 2),
         )

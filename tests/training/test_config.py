@@ -44,5 +44,5 @@ def test_a_bad_config_is_one_line_that_says_what_would_be_right(tmp_path, text, 
 
 
 def test_an_unknown_preset_is_refused_with_those_there_are():
-    with pytest.raises(TrainingError, match="--preset none: no such preset; known: default, paper"):
+    with pytest.raises(TrainingError, match="--preset none: no such preset; known: default, paper, stgnn"):
         make_config("none", None)
