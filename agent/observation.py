@@ -22,7 +22,7 @@ from protocols.kernels import inlined_kernel
 from protocols.relative import UNKNOWN
 from protocols.sensed import Sensed
 
-WIDE_SIZE = 24
+WIDE_SIZE = 32
 WIDE_REACH_M = 10.0
 
 
@@ -133,11 +133,11 @@ def observe_row(
 
 @inlined_kernel
 def observe_wide_row(row: int, reach: float, memory: Memory, x: NDArray[Any]) -> None:
-    """Fill ``x`` (24,): more of the same for a drone's own use, not broadcast.
+    """Fill ``x`` (32,): more of the same for a drone's own use, not broadcast.
 
     0:12   the four nearest obstacles out to `WIDE_REACH_M` (those out of sight are remembered), as above
-    12:24  the three nearest neighbours, as above
+    12:32  the five nearest neighbours, as above
     """
     x[:] = 0.0
     _obstacles(row, 4, WIDE_REACH_M, memory, x, 0)
-    _neighbours(row, 3, reach, memory, x, 12)
+    _neighbours(row, 5, reach, memory, x, 12)

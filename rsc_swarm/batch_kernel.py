@@ -38,7 +38,7 @@ class Stage(NamedTuple):
 
     pilot: (E,) PLAN, EXPERT or ANALYTIC. ticks: (E,) flown. result: (E,). closest: (E,) smallest distance so far [m].
     formed: (E,) tick at which the formation first stood, -1 before. rested: (E, N) tick from which a drone may swap again.
-    swaps: (E,). observation: (PAST, E, N, 18), near: (PAST, E, N, K): the last ticks. target: (E, N, 2), extra: (E, N, 24).
+    swaps: (E,). observation: (PAST, E, N, 18), near: (PAST, E, N, K): the last ticks. target: (E, N, 2), extra: (E, N, 32).
     """
 
     pilot: NDArray[np.int8]

@@ -9,7 +9,7 @@ Array = NDArray[np.float32]
 
 
 class ModelInputs(NamedTuple):
-    """One row per drone: own (B, L, 18), heard (B, L, K, 18), share (B, L, K), target (B, 2), extra (B, 24)."""
+    """One row per drone: own (B, L, 18), heard (B, L, K, 18), share (B, L, K), target (B, 2), extra (B, 32)."""
 
     own: Array
     heard: Array
@@ -21,7 +21,7 @@ class ModelInputs(NamedTuple):
 def model_inputs(
     observation: Array, near: NDArray[np.int16], target: Array, extra: Array, past: int = 3
 ) -> ModelInputs:
-    """Take apart observation (4, E, N, 18), near (3 or 4, E, N, K), target (E, N, 2), extra (E, N, 24): B = E N.
+    """Take apart observation (4, E, N, 18), near (3 or 4, E, N, K), target (E, N, 2), extra (E, N, 32): B = E N.
 
     What is heard at a tick are the X_j one tick older of those who were in range then.
     """

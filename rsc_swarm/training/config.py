@@ -45,7 +45,7 @@ class TrainingConfig(BaseModel):
         4, description="knots of the acceleration; one at H = 1"
     )
     extra: Literal["none", "wide"] = Field(
-        "wide", description="wide: four obstacles, three neighbours besides X_i"
+        "wide", description="wide: four obstacles, five neighbours besides X_i"
     )
     past: Annotated[int, Field(ge=1, le=PAST)] = Field(PAST, description="past steps L")
     width: Annotated[int, Field(ge=4, le=1024)] = 128

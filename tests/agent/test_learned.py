@@ -123,7 +123,7 @@ def test_a_wide_model_gets_the_wide_view(notebook: Notebook, tmp_path: Path) -> 
     around = {"discs": [[3, 0, 1]]}
     Simulation([task(path, agents=1, obstacles=around, start={"radius_m": 0})]).tick()
     (question,) = notebook.asked
-    assert question["extra"].shape == (1, 24)
+    assert question["extra"].shape == (1, 32)
     assert question["extra"][0, :3] == pytest.approx([-0.8, 0.0, 0.8])
 
 
@@ -285,7 +285,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> No
         ),
         ({"horizon": "12"}, "acceleration: should be (B, 12, 2), but is (B, 10, 2)"),
         ({"neighbours": "6"}, "heard: should be (B, 3, 6, 18), but is (B, 3, 8, 18)"),
-        ({"extra": "wide"}, "extra: should be (B, 24), but is absent"),
+        ({"extra": "wide"}, "extra: should be (B, 32), but is absent"),
         ({"replan": "20"}, "replan: 20 ticks, but it plans only 10"),
     ],
 )

@@ -28,7 +28,7 @@ def swarms(worlds: int = 2, agents: int = 5) -> tuple[np.ndarray, ...]:
     near = rng.integers(-1, agents, size=(4, worlds, agents, 8)).astype(np.int16)
     near[:, 0, 0] = -1  # this drone hears nobody
     target = rng.normal(size=(worlds, agents, 2)).astype(np.float32)
-    extra = rng.normal(size=(worlds, agents, 24)).astype(np.float32)
+    extra = rng.normal(size=(worlds, agents, 32)).astype(np.float32)
     return observation, near, target, extra
 
 

@@ -180,7 +180,7 @@ def test_the_command_leaves_a_model_file_that_any_drone_can_read(tmp_path):
         "heard": [1, 3, 8, 18],
         "share": [1, 3, 8],
         "target": [1, 2],
-        "extra": [1, 24],
+        "extra": [1, 32],
     }
     assert outputs == [[1, 4, 2], [1, 4, 2]]
     assert (about["format"], about["version"], about["kind"], about["horizon"]) == (
