@@ -132,7 +132,7 @@ def random_model(horizon: int, width: int, seed: int = 0, wide: bool = False, **
         tensor("heard", PAST, NEIGHBOURS, SIZE),
         tensor("share", PAST, NEIGHBOURS),
         tensor("target", 2),
-        *([tensor("extra", 24)] if wide else []),
+        *([tensor("extra", WIDE_SIZE)] if wide else []),
     ]
     outputs = [tensor("displacement", horizon, 2), tensor("acceleration", horizon, 2)]
     graph = helper.make_graph(g.nodes, "policy", inputs, outputs, g.weights)
