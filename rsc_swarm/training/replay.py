@@ -13,7 +13,7 @@ from rsc_swarm.training.network import TARGET_SIZE
 
 # Signs under a mirror along the direction of motion: every y changes its sign.
 _MIRROR_X = [1, -1] * 2 + [1, -1, 1] * 2 + [1, -1] * 4
-_MIRROR_LOCAL = [1, -1] + [1, -1, 1] * 4 + [1, -1] * 6
+_MIRROR_LOCAL = [1, -1] + [1, -1, 1] * 4 + [1, -1] * ((WIDE_SIZE - 12) // 2)
 
 
 class Samples(NamedTuple):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from agent.observation import WIDE_SIZE
 from protocols.mission import TICK_S
 from rsc_swarm.model_inputs import model_inputs
 from rsc_swarm.training.config import make_config
@@ -28,7 +29,7 @@ def swarms(worlds: int = 2, agents: int = 5) -> tuple[np.ndarray, ...]:
     near = rng.integers(-1, agents, size=(4, worlds, agents, 8)).astype(np.int16)
     near[:, 0, 0] = -1  # this drone hears nobody
     target = rng.normal(size=(worlds, agents, 2)).astype(np.float32)
-    extra = rng.normal(size=(worlds, agents, 32)).astype(np.float32)
+    extra = rng.normal(size=(worlds, agents, WIDE_SIZE)).astype(np.float32)
     return observation, near, target, extra
 
 
@@ -94,12 +95,14 @@ def test_a_plan_goes_on_beyond_its_horizon_with_its_last_acceleration():
 
 
 def test_a_mirror_turns_left_into_right_and_twice_is_once_back():
-    samples = Samples(torch.rand(2, 4, 3, 18), torch.zeros(2), torch.rand(2, 3, 26), torch.rand(2, 3, 5, 2))
+    samples = Samples(
+        torch.rand(2, 4, 3, 18), torch.zeros(2), torch.rand(2, 3, 2 + WIDE_SIZE), torch.rand(2, 3, 5, 2)
+    )
     flip = torch.tensor([True, False])
     seen = mirrored(samples, flip)
     assert (seen.observation[0, ..., [1, 3, 5, 8, 11, 13, 15, 17]] < 0).all()
     assert (seen.observation[0, ..., [0, 2, 4, 6, 7, 9, 10, 12, 14, 16]] > 0).all()
-    assert (seen.local[0] < 0).sum() == 3 * (1 + 4 + 6)
+    assert (seen.local[0] < 0).sum() == 3 * (1 + 4 + (WIDE_SIZE - 12) // 2)
     for back, before in zip(mirrored(seen, flip), samples, strict=True):
         torch.testing.assert_close(back, before)
     torch.testing.assert_close(seen.change[1], samples.change[1])

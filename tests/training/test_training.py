@@ -8,6 +8,7 @@ import pytest
 import torch
 import yaml
 
+from agent.observation import WIDE_SIZE
 from rsc_swarm import cli
 from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
@@ -48,7 +49,7 @@ def test_the_loss_falls(tiny):
     torch.manual_seed(0)
     config = tiny.model_copy(update={"updates": 60, "learning_rate": 1e-2})
     learner, replay = Learner(config, make_network(config)), Replay(config, torch.device("cpu"))
-    local = torch.randn(36, 4, 26)
+    local = torch.randn(36, 4, 2 + WIDE_SIZE)
     change = 0.05 * local[:, :, None, :2] * torch.arange(1, 5)[:, None]
     replay.add(Samples(torch.randn(36, 4, 4, 18), torch.zeros(36, 3, 4, 8), local, change))
     losses = [learner.learn(replay, lambda: None).loss for _ in range(3)]
@@ -180,7 +181,7 @@ def test_the_command_leaves_a_model_file_that_any_drone_can_read(tmp_path):
         "heard": [1, 3, 8, 18],
         "share": [1, 3, 8],
         "target": [1, 2],
-        "extra": [1, 32],
+        "extra": [1, WIDE_SIZE],
     }
     assert outputs == [[1, 4, 2], [1, 4, 2]]
     assert (about["format"], about["version"], about["kind"], about["horizon"]) == (
