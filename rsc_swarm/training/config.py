@@ -56,7 +56,7 @@ class TrainingConfig(BaseModel):
     # What is flown for the data.
     agents: Annotated[int, Field(ge=2, le=100)] = 25
     hard_share: Probability = Field(
-        0.8, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
+        0.65, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
     )
     worlds: Count = Field(64, description="episodes flown in step")
     rounds: Count = Field(150, description="plans per epoch and world; each gives one graph of N samples")
