@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
+from agent.policy.session import open_session
 from protocols.mission import Mission
 from rsc_swarm.batch import Batch
 from rsc_swarm.batch_kernel import FLYING
@@ -23,9 +23,7 @@ def mae(model: Path, mission: Mission, maps: Sequence[int]) -> tuple[float, floa
     the horizon are compared with those of the expert from the same state, before fusion and filter. The mean of |error|
     is taken over flights, plans, drones, steps and the two axes (the paper: MAE_sum / H).
     """
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    session = onnxruntime.InferenceSession(str(model), options, providers=["CPUExecutionProvider"])
+    session = open_session(model.read_bytes())
     about = session.get_modelmeta().custom_metadata_map
     horizon, past = int(about["horizon"]), int(about["past"])
     replan = mission.trajectory.replan_ticks or int(about["replan"])

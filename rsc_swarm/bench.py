@@ -16,11 +16,15 @@ from statistics import median
 from typing import Any
 
 import msgpack
+import numpy as np
 import psutil
 
 from agent.parties import make_party
+from agent.policy.model_file import SHIPPED, read_model
+from agent.policy.session import open_session
 from protocols.mission import TICK_S, Mission
 from protocols.swap import encode
+from rsc_swarm.bench_batch import bench_batch
 from rsc_swarm.bench_echo import bare_echo
 from rsc_swarm.launch import Launched, launch
 from rsc_swarm.simulate import Simulation, simulate
@@ -44,6 +48,7 @@ from rsc_swarm.launch import fly_agent
 fly_agent(0, sys.argv[1], Path(sys.argv[2]), lambda seconds: print(seconds, flush=True))
 """
 _LARGE = 100
+_POLICIES = ("rsc-h20", "analytic")
 
 
 def bench(
@@ -59,74 +64,110 @@ def bench(
     figures: dict[str, Any] = {"agents": agents, **_alone(agents)}
     say("one process: the batch simulation and the slot protocol")
     figures |= {**_batch(agents), **_protocol(agents)}
-    say(f"{agents} drones in {agents} processes, and the bare echo")
-    figures |= _flights(Mission(agents=agents), runs)
-    say(f"{_LARGE} drones in {_LARGE} processes, and the bare echo")
-    large = Mission(agents=_LARGE, time_limit_s=5.0) if quick else Mission(agents=_LARGE)
-    figures["large"] = {"agents": _LARGE, **_flights(large, runs)}
-    return figures
+    say("the batch simulation of training, and VMAS")
+    figures |= bench_batch(agents, quick)
+    for size in (agents, _LARGE):
+        say(f"{size} drones in {size} processes, and the bare echo")
+        mission = Mission(agents=size, time_limit_s=5.0) if quick and size == _LARGE else Mission(agents=size)
+        figures[f"flights_{size}"] = _flights(mission, runs)
+    say("the policy's model")
+    return figures | _model_call()  # last: a process that has opened a model must not fork
 
 
 def twins(agents: int, count: int, say: Callable[[str], None] = lambda line: None) -> dict[str, int]:
     """Fly maps 0 to ``count - 1`` in real processes and in one process; how many flights succeeded and how many were twins."""
-    equal = succeeded = 0
-    for seed in range(count):
-        mission = Mission(agents=agents, map_seed=seed, seed=1000 * seed)
-        flown = launch(mission).flown.outcome
+    missions = [Mission(agents=agents, map_seed=seed, seed=1000 * seed) for seed in range(count)]
+    flown = []
+    for (
+        mission
+    ) in missions:  # all launches first: a process that has flown a learned policy itself must not fork
+        flown.append(launch(mission).flown.outcome)
+        say(f"map {mission.map_seed}: {flown[-1].digest}")
+    equal = 0
+    for mission, outcome in zip(missions, flown, strict=True):
         twin = simulate([mission])[0]
-        equal += flown.digest == twin.digest
-        succeeded += flown.success
-        say(f"map {seed}: {flown.digest} {'is' if flown.digest == twin.digest else 'IS NOT'} {twin.digest}")
+        equal += outcome.digest == twin.digest
+        say(
+            f"map {mission.map_seed}: {outcome.digest} {'is' if outcome.digest == twin.digest else 'IS NOT'} {twin.digest}"
+        )
+    succeeded = sum(outcome.success for outcome in flown)
     return {"flights": count, "succeeded": succeeded, "equal_digests": equal}
 
 
 def render(figures: dict[str, Any]) -> str:
     """The figures as lines for people."""
-    large = figures["large"]
+    flights = [
+        f"{f'{size} drones in processes, {policy}':34s} {flown['real_time_factor']:.2f} x real time, "
+        f"{100 * flown['share_of_echo']:.0f} % of the bare echo's tick rate, {flown['pss_mb_per_agent']:.1f} MB a drone (PSS)"
+        for size in (figures["agents"], _LARGE)
+        for policy, flown in figures[f"flights_{size}"].items()
+    ]
+    default = figures[f"flights_{figures['agents']}"][_POLICIES[0]]
     return "\n".join(
         [
-            f"{figures['agents']} drones in processes, lockstep   {figures['real_time_factor']:.2f} x real time, "
-            f"{100 * figures['share_of_echo']:.0f} % of the bare echo's tick rate",
-            f"{large['agents']} drones in processes, lockstep  {large['real_time_factor']:.2f} x real time, "
-            f"{100 * large['share_of_echo']:.0f} % of the bare echo's tick rate",
+            *flights,
             f"launch to first tick               {figures['first_tick_s']:.2f} s",
-            f"memory of a drone in a launch      {figures['pss_mb_per_agent']:.1f} MB proportional (PSS)",
             f"a drone alone                      ready in {figures['agent_ready_s']:.2f} s, "
             f"{figures['agent_resident_mb']:.0f} MB resident",
-            f"a frame                            {figures['median_frame_bytes']:.0f} bytes at the median",
-            f"a tick's messages                  {figures['bytes_up']:.0f} bytes up, {figures['bytes_down']:.0f} down",
+            f"a frame                            {default['median_frame_bytes']:.0f} bytes at the median",
+            f"a tick's messages                  {default['bytes_up']:.0f} bytes up, {default['bytes_down']:.0f} down",
+            f"a call of {_POLICIES[0]}'s model           {figures['model_call_ms']:.3f} ms at the median, one thread",
             f"slot protocol while quiet          {figures['protocol_bytes']} bytes a frame, "
             f"{figures['protocol_us']:.1f} us per drone and tick",
             f"in one process                     {figures['simulated_us_per_agent_tick']:.1f} us per drone and tick",
+            f"batch simulation                   {figures['episodes_per_s']:.0f} episodes/s, "
+            f"{figures['batch_agent_steps_per_s'] / 1e6:.1f} million agent-steps/s{_beside_vmas(figures)}",
         ]
     )
 
 
-def _flights(mission: Mission, runs: int) -> dict[str, Any]:
-    """Flights in real processes and bare echoes of the same message sizes, in turn."""
-    ticks_per_s, echoes, flights = [], [], list[Launched]()
+def _beside_vmas(figures: dict[str, Any]) -> str:
+    vmas = figures["vmas_agent_steps_per_s"]
+    if vmas is None:
+        return " (VMAS is not installed: pip install 'rsc-swarm[vmas]')"
+    times = figures["batch_agent_steps_per_s"] / vmas
+    return f", {times:.0f} times VMAS flocking ({vmas:,.0f}/s)"
+
+
+def _flights(mission: Mission, runs: int) -> dict[str, dict[str, Any]]:
+    """By policy: flights in real processes, in turn with each other and with bare echoes of the same message sizes."""
+    flown: dict[str, list[Launched]] = {policy: [] for policy in _POLICIES}
+    echoes = []
     for run in range(runs):
-        flight = launch(mission, weigh=run == 0)
-        flights.append(flight)
-        up, down = flight.flown.message_bytes
-        echo = bare_echo(
-            mission.agents,
-            round(up),
-            round(down),
-            _ECHO_TICKS if mission.agents < _LARGE else _ECHO_TICKS // 4,
-        )
-        echoes.append(echo)
-        ticks_per_s.append(flight.flown.real_time_factor / TICK_S)
+        for policy, launched in flown.items():
+            launched.append(launch(mission.model_copy(update={"policy": policy}), weigh=run == 0))
+        up, down = launched[-1].flown.message_bytes
+        ticks = _ECHO_TICKS if mission.agents < _LARGE else _ECHO_TICKS // 4
+        echoes.append(bare_echo(mission.agents, round(up), round(down), ticks))
+    return {policy: _flown(launched, echoes) for policy, launched in flown.items()}
+
+
+def _flown(launched: list[Launched], echoes: list[float]) -> dict[str, Any]:
+    first, factors = launched[0], [one.flown.real_time_factor for one in launched]
     return {
-        "ticks_per_s": ticks_per_s,
-        "real_time_factor": median(ticks_per_s) * TICK_S,
+        "real_time_factors": factors,
+        "real_time_factor": median(factors),
         "echo_ticks_per_s": echoes,
-        "share_of_echo": median(rate / echo for rate, echo in zip(ticks_per_s, echoes, strict=True)),
-        "pss_mb_per_agent": flights[0].pss_mb,
-        "median_frame_bytes": flights[0].flown.median_frame_bytes,
-        "bytes_up": flights[0].flown.message_bytes[0],
-        "bytes_down": flights[0].flown.message_bytes[1],
+        "share_of_echo": median(factor / TICK_S / echo for factor, echo in zip(factors, echoes, strict=True)),
+        "pss_mb_per_agent": first.pss_mb,
+        "median_frame_bytes": first.flown.median_frame_bytes,
+        "bytes_up": first.flown.message_bytes[0],
+        "bytes_down": first.flown.message_bytes[1],
     }
+
+
+def _model_call() -> dict[str, Any]:
+    """One drone's question to the default policy's model."""
+    model = read_model(SHIPPED / f"{_POLICIES[0]}.onnx")
+    session = open_session(model.data)
+    wanted = [(value.name, model.facts.shapes[value.name]) for value in session.get_inputs()]
+    question = {name: np.zeros((1, *shape[1:]), np.float32) for name, shape in wanted}
+    spans = []
+    for _ in range(2000):
+        began = time.perf_counter_ns()
+        session.run(None, question)
+        spans.append(time.perf_counter_ns() - began)
+    return {"model_call_ms": median(spans) / 1e6}
 
 
 def _alone(agents: int) -> dict[str, Any]:
@@ -165,7 +206,9 @@ def _child(program: str, *arguments: str) -> Iterator[Any]:
 
 def _batch(agents: int) -> dict[str, Any]:
     """Flights in one process, many in step."""
-    simulation = Simulation([Mission(agents=agents, map_seed=seed, seed=seed) for seed in range(6)])
+    simulation = Simulation(
+        [Mission(agents=agents, policy="analytic", map_seed=seed, seed=seed) for seed in range(6)]
+    )
     for _ in range(100):
         simulation.tick()
     began = time.process_time()

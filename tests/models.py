@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 from onnx import ModelProto, TensorProto, helper, numpy_helper, parser, save
 
+from agent.observation import WIDE_SIZE
+
 PAST, NEIGHBOURS, SIZE = 3, 8, 18
 
 

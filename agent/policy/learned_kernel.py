@@ -133,16 +133,20 @@ def note_and_ask(
     Returns:
         How many rows are due.
     """
-    rules, work, memory = desk.rules, desk.work, desk.memory
+    rules, work, memory = desk.rules, borrowed(desk.work), borrowed(desk.memory)
     seen, made_at, asked = borrowed(history), plans.made_at, borrowed(question)
-    horizon = plans.displacement.shape[1]
+    past, horizon = history.own.shape[1], plans.displacement.shape[1]
     due = 0
     for row in range(work.me.shape[0]):
-        if work.awake[row]:
+        if not work.awake[row]:
+            continue
+        since_turn = (tick + work.me[row]) % replan
+        is_due = since_turn == 0 or tick - made_at[row] >= horizon
+        if is_due or since_turn > replan - past:  # what was before the last L ticks is of no use
             _note_row(tick, row, rules, work, memory, seen)
-            if tick - made_at[row] >= horizon or (tick + work.me[row]) % replan == 0:
-                _ask_row(row, due, rules, work, memory, seen, asked)
-                due += 1
+        if is_due:
+            _ask_row(row, due, rules, work, memory, seen, asked)
+            due += 1
     return due
 
 
@@ -157,7 +161,7 @@ def take_plans(
     acceleration: NDArray[np.float32],
 ) -> None:
     """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    motion = desk.sensed.motion
+    motion = borrowed(desk.sensed).motion
     for place in range(displacement.shape[0]):
         row = question.row[first + place]
         plans.made_at[row] = tick
@@ -170,7 +174,8 @@ def take_plans(
 @kernel
 def fly_plans(tick: int, desk: Desk, plans: Plans, following: Following, wanted: NDArray[np.float64]) -> None:
     """Wanted accelerations (A, 2) of all awake rows, each of which has a plan."""
-    work, memory, motion, flown = desk.work, desk.memory, desk.sensed.motion, borrowed(plans)
+    work, memory, flown = borrowed(desk.work), borrowed(desk.memory), borrowed(plans)
+    motion = borrowed(desk.sensed).motion
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             wanted[row, 0], wanted[row, 1] = follow_row(

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import onnxruntime
 import torch
 from torch import Tensor, nn
 
 from agent.observation import WIDE_SIZE
 from agent.policy.model_file import FORMAT
+from agent.policy.session import open_session
 from protocols.frames import OBSERVATION_SIZE
 from rsc_swarm.batch import NEIGHBOURS
 from rsc_swarm.model_inputs import ModelInputs
@@ -100,9 +100,7 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
 
 
 def _difference(file: Path, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    session = open_session(file.read_bytes())
     inputs = {name: getattr(recorded, name) for name in names}
     said = session.run(None, inputs)
     with torch.no_grad():
