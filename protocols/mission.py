@@ -193,7 +193,7 @@ class Mission(_Section):
     name: str = "plain"
     swarm: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")] = "rsc"
     agents: Annotated[int, Field(ge=1, le=MAX_AGENTS)] = 25
-    policy: str = "analytic"
+    policy: str = "rsc-h20"
     aim: Literal["slot", "chain"] = Field(
         "slot",
         description="slot: virtual target + own offset; chain: leader's position + offset (<= hops away)",

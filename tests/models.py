@@ -117,7 +117,7 @@ def random_model(horizon: int, width: int, seed: int = 0, wide: bool = False, **
     x = g.norm(g.op("Add", x, g.linear(g.op("Relu", g.linear(x, width, 256)), 256, width)), width)
     last = g.op("Gather", x, g.constant(np.array(PAST - 1, np.int64)), axis=1)
     aside = g.op("Concat", "target", "extra", axis=1) if wide else "target"
-    second = g.mlp(aside, 26 if wide else 2, width)
+    second = g.mlp(aside, 2 + WIDE_SIZE if wide else 2, width)
     hidden = g.op("Relu", g.linear(g.op("Concat", last, second, axis=1), 2 * width, width))
     rough = g.shaped(g.linear(hidden, width, 2 * horizon), -1, horizon, 2)
     # Accelerations of some m/s^2, and the displacements they lead to.
