@@ -114,9 +114,10 @@ class AgentCore:
             desk,
         )
         command = self.policy.act(seen)
-        if command.shape != work.slot_error.shape or command.dtype != _FLOAT64:
+        found = (getattr(command, "shape", None), getattr(command, "dtype", type(command).__name__))
+        if found != (work.slot_error.shape, _FLOAT64):
             raise PolicyError(
-                f"policy: act must return {work.slot_error.shape} float64, not {command.shape} {command.dtype}"
+                f"policy: act must return {work.slot_error.shape} float64, not {found[0] or ''} {found[1]}"
             )
         cycle.after_policy(tick, first, desk, command)
         self.parties.write_notes(tick, work.sent, self.frames, self.notes, first)

@@ -246,7 +246,7 @@ class Mission(_Section):
             )
         if spec.spacing_m < 2 * self.limits.collision_m:
             raise ValueError(
-                f"formation.spacing_m: {spec.spacing_m:g} m is too close for a collision distance of "
+                f"formation.spacing_m: {spec.spacing_m:g} m is too close for limits.collision_m = "
                 f"{self.limits.collision_m:g} m; give at least {2 * self.limits.collision_m:g}"
             )
         if self.radio.range_m < spec.spacing_m:

@@ -9,6 +9,7 @@ import pytest
 from agent.policy import PolicyError, base, find_policy, policy_names
 from agent.policy.analytic import Analytic
 from agent.policy.cruise import Cruise
+from agent.policy.model_file import shipped_models
 from protocols.mission import Mission, parse_mission
 from rsc_swarm.simulate import Simulation, simulate
 from tests.agent.example_policy import Homing
@@ -49,9 +50,9 @@ def test_an_installed_policy_is_found_by_its_entry_point(monkeypatch: pytest.Mon
 
 def test_an_unknown_policy_is_refused_with_those_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, "homing", "tests.agent.example_policy:Homing")
+    known = ", ".join(sorted(["analytic", "cruise", "saber", "homing", *shipped_models()]))
     assert refusal("anlytic") == (
-        "policy: unknown policy 'anlytic'; known: analytic, cruise, homing, saber; or give package.module:Class "
-        "or a model file"
+        f"policy: unknown policy 'anlytic'; known: {known}; or give package.module:Class or a model file"
     )
 
 

@@ -26,7 +26,7 @@ def refusal(fields: dict[str, Any]) -> str:
 
 def test_an_empty_mission_is_the_standard_task() -> None:
     mission = parse_mission({})
-    assert (mission.agents, mission.policy, len(mission.plan)) == (25, "analytic", 25)
+    assert (mission.agents, mission.policy, len(mission.plan)) == (25, "rsc-h20", 25)
     assert (mission.target.speed_mps, mission.radio.range_m, mission.sensing.range_m) == (3.0, 6.0, 6.0)
     limits = mission.limits
     assert (limits.acceleration_mps2, limits.speed_mps, limits.collision_m) == (10, 10, 0.5)
@@ -88,7 +88,7 @@ def test_two_slots_too_close_are_refused() -> None:
 def test_slots_closer_than_a_collision_are_refused() -> None:
     text = refusal({"formation": {"spacing_m": 0.8}})
     assert text.startswith(
-        "formation.spacing_m: 0.8 m is too close for a collision distance of 0.5 m; give at least 1"
+        "formation.spacing_m: 0.8 m is too close for limits.collision_m = 0.5 m; give at least 1"
     )
 
 

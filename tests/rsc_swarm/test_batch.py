@@ -12,7 +12,7 @@ from rsc_swarm.simulate import Simulation, simulate
 
 
 def missions(count: int, **fields: Any) -> list[Mission]:
-    fields = {"agents": 6, "swap": {"rule": "off"}, **fields}
+    fields = {"agents": 6, "policy": "analytic", "swap": {"rule": "off"}, **fields}
     return [parse_mission({**fields, "map_seed": 1_000_000 + m, "seed": m}) for m in range(count)]
 
 

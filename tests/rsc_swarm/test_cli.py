@@ -153,7 +153,7 @@ def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
     )
     code, out, _ = run("evaluate", *arguments)
     assert code == 0
-    assert "| plain | 4 | analytic | 4 | 0.0 | 0.0-49.0 | 0.0 | 100.0 | - |" in out
+    assert "| plain | 4 | rsc-h20 | 4 | 0.0 | 0.0-49.0 | 0.0 | 100.0 | - |" in out
     assert (
         "rsc-swarm simulate --agents 4 --set time_limit_s=0.3 --map 1 --seed 1001   # late: not in formation"
         in out

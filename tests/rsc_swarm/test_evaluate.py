@@ -184,7 +184,7 @@ def test_success_is_measured_over_successes():
     assert result.min_distance_m == min(flight.outcome.min_distance_m for flight in flights)
     row = plain(render(result)).splitlines()
     assert row[0].startswith("| mission | N | policy | runs | S % |")
-    assert row[2].startswith("| plain | 1 | analytic | 4 | 100.0 | 51.0-100.0 | 0.0 | 0.0 |")
+    assert row[2].startswith("| plain | 1 | rsc-h20 | 4 | 100.0 | 51.0-100.0 | 0.0 | 0.0 |")
     assert row[0].endswith("| held % |")
 
 
