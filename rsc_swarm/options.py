@@ -104,7 +104,7 @@ class MissionOptions:
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Controller: a known name or package.module:Class. (analytic)",
+            help="Controller: a known name or model file, or package.module:Class. (rsc-h20)",
             autocompletion=_policies,
             rich_help_panel=_WHO,
         ),

@@ -10,10 +10,10 @@ from rsc_swarm.tables.result import RowResult, TableResult
 
 _PANELS = (
     ("loss", "loss", "log"),
-    ("mae", "error of the foretold positions, 1e-4 m", "log"),
+    ("mae_m", "error of the foretold positions, 1e-4 m", "log"),
     ("success", "success of ended episodes, %", "linear"),
 )
-_SCALE = {"loss": 1.0, "mae": 1e4, "success": 100.0}
+_SCALE = {"loss": 1.0, "mae_m": 1e4, "success": 100.0}
 
 
 def draw_horizons(result: TableResult, out: Path) -> None:
@@ -89,7 +89,7 @@ def draw_curves(folders: Sequence[Path], out: Path) -> None:
         bare(axes)
         for (folder, lines), colour in zip(curves.items(), LINES, strict=False):
             points = [
-                (line["update"] / 1000, _SCALE[name] * line[name])
+                (line["updates"] / 1000, _SCALE[name] * line[name])
                 for line in lines
                 if line.get(name) is not None
             ]
@@ -125,7 +125,7 @@ def read_curve(folder: Path) -> list[dict[str, Any]]:
     path = folder / "curve.jsonl"
     try:
         lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-        if lines and all("update" in line for line in lines):
+        if lines and all("updates" in line for line in lines):
             return lines
     except OSError as error:
         raise PlotError(

@@ -127,7 +127,7 @@ def test_success_against_horizon_is_drawn_from_a_table(tmp_path, capsys):
 
 
 def test_learning_curves_are_drawn_from_what_training_wrote(tmp_path):
-    line = {"update": 0, "seconds": 0.1, "loss": 1.0, "mae": 1e-3, "mixing": 1.0, "success": None}
+    line = {"updates": 0, "seconds": 0.1, "loss": 1.0, "mae_m": 1e-3, "mixing": 1.0, "success": None}
     path = tmp_path / "curve.jsonl"
     path.write_text("".join(f"{json.dumps({**line, 'update': update})}\n" for update in (0, 100, 200)))
     plot_command.run(MissionOptions(), tmp_path / "c.png", Subject(curve=(tmp_path, tmp_path)))
