@@ -382,7 +382,7 @@ def _announce_compiling() -> None:
     from protocols.kernels import CACHE_DIR
 
     if not any(CACHE_DIR.iterdir()):
-        typer.echo("compiling flight kernels, once (about 20 s)...", err=True)
+        typer.echo("compiling flight kernels, once (about a minute)...", err=True)
 
 
 def main() -> None:
