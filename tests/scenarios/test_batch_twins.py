@@ -1,0 +1,27 @@
+"""One trajectory three ways: a batch episode, a flight in one process, a flight in real processes."""
+
+from pathlib import Path
+
+import numpy as np
+
+from protocols.mission import parse_mission
+from rsc_swarm.batch import Batch
+from rsc_swarm.launch import launch
+from rsc_swarm.simulate import Simulation
+
+MISSION = parse_mission(
+    {"agents": 6, "policy": "analytic", "swap": {"rule": "off"}, "map_seed": 1_000_003, "time_limit_s": 2.0}
+)
+
+
+def test_a_batch_a_simulation_and_a_launch_fly_one_trajectory(tmp_path: Path) -> None:
+    launch(MISSION, run_dir=tmp_path)
+    with np.load(tmp_path / "trajectory.npz") as recorded:
+        launched = recorded["positions"]
+    assert len(launched) > MISSION.ticks
+    batch, simulation = Batch([MISSION]), Simulation([MISSION])
+    for position in launched[: MISSION.ticks]:
+        assert np.array_equal(simulation.world.position[0], position)
+        assert np.array_equal(batch.position[0], position)
+        batch.fly(1, analytic=True)
+        simulation.tick()
