@@ -140,7 +140,7 @@ class Trajectory(_Section):
         description="smooth: the plan's own acceleration, corrected; required: the paper's a_req",
     )
     blend: bool = Field(True, description="the nearer an obstacle or drone, the more the reactive controller")
-    blend_radius_m: Positive = 1.5
+    blend_radius_m: Positive = 2.5
     replan_ticks: Annotated[int, Field(ge=1)] | None = Field(
         None, description="ticks from plan to plan; none: as the policy's model says"
     )
