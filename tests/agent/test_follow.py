@@ -81,7 +81,7 @@ def follow(
 
 
 def test_the_nearer_the_next_thing_the_more_the_reactive_controller_counts() -> None:
-    blend = following_of(Trajectory())
+    blend = following_of(Trajectory(blend_radius_m=1.5))
     assert follow(blend, [(0.0, 3.0)], [(4.0, 0.0, 2.0)])[0] == (0.0, 0.0)
     wanted, reactive = follow(blend, [(0.0, 0.75)], [])
     assert wanted == pytest.approx(tuple(0.5 * a for a in reactive))

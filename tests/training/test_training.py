@@ -138,17 +138,18 @@ def test_without_torch_one_line_says_what_to_install(monkeypatch, capsys):
 
 _LOOK = """
 import json, sys
-import numpy as np, onnxruntime
+import numpy as np
 from pathlib import Path
 from agent.policy.model_file import read_model
+from agent.policy.session import open_session
 from protocols.mission import Mission
 from rsc_swarm.accuracy import mae
-session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
+session = open_session(Path(sys.argv[1]).read_bytes())
 shapes = {value.name: [1, *value.shape[1:]] for value in session.get_inputs()}
 said = session.run(None, {name: np.ones(shape, np.float32) for name, shape in shapes.items()})
 about = session.get_modelmeta().custom_metadata_map
 assert read_model(Path(sys.argv[1])).facts.horizon == 4
-planned, steady = mae(sys.argv[1], Mission(agents=4, time_limit_s=0.5), range(1_000_000, 1_000_002))
+planned, steady = mae(Path(sys.argv[1]), Mission(agents=4, time_limit_s=0.5), range(1_000_000, 1_000_002))
 print(json.dumps([shapes, [list(value.shape) for value in said], about, planned, steady]))
 """
 
