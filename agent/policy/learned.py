@@ -13,11 +13,12 @@ from agent.control.follow import following_of
 from agent.policy import session
 from agent.policy.base import PolicyError, Seen
 from agent.policy.learned_kernel import (
+    ask_or_fly,
     empty_history,
     empty_plans,
     empty_question,
     fly_plans,
-    note_and_ask,
+    make_planner,
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, read_model
@@ -63,6 +64,10 @@ class Learned:
         self._history = empty_history(rows, facts.past, facts.neighbours)
         self._question = empty_question(rows, facts.past, facts.neighbours)
         self._plans = empty_plans(rows, facts.horizon)
+        self._wanted = np.zeros((rows, 2))
+        self._planner = make_planner(
+            self._replan, self._following, self._history, self._question, self._plans, self._wanted
+        )
 
     def open(self) -> None:
         """Make the model ready to run. A policy that is not opened plans to fly straight on.
@@ -80,12 +85,12 @@ class Learned:
         rows = len(seen.awake)
         if len(self._plans.made_at) != rows:
             self._make_room(rows)
-        due = note_and_ask(seen.tick, self._replan, seen.desk, self._history, self._plans, self._question)
-        for first in range(0, due, _ROWS):
-            self._plan(seen, first, min(first + _ROWS, due))
-        wanted = np.zeros((rows, 2))
-        fly_plans(seen.tick, seen.desk, self._plans, self._following, wanted)
-        return wanted
+        due = ask_or_fly(seen.tick, seen.desk, self._planner)
+        if due:
+            for first in range(0, due, _ROWS):
+                self._plan(seen, first, min(first + _ROWS, due))
+            fly_plans(seen.tick, seen.desk, self._planner)
+        return self._wanted
 
     def _plan(self, seen: Seen, first: int, end: int) -> None:
         inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}
@@ -93,7 +98,7 @@ class Learned:
             displacement, acceleration = self._session.run(_OUTPUTS, inputs)
         else:
             displacement = acceleration = np.zeros((end - first, self.model.facts.horizon, 2), np.float32)
-        take_plans(seen.tick, first, seen.desk, self._question, self._plans, displacement, acceleration)
+        take_plans(seen.tick, first, seen.desk, self._planner, displacement, acceleration)
 
     def forget(self, row: int) -> None:
         """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""

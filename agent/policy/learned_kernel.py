@@ -3,6 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
+from numba.experimental import structref
 from numpy.typing import NDArray
 
 from agent.control.follow import Following, follow_row
@@ -78,6 +80,43 @@ def empty_plans(rows: int, horizon: int) -> Plans:
     )
 
 
+@structref.register
+class _PlannerType(types.StructRef):  # type: ignore[misc]
+    pass
+
+
+class Planner(structref.StructRefProxy):  # type: ignore[misc]
+    """All that the kernels here work on, laid out once, as `agent.desk.Desk` is. Its fields are for kernels only.
+
+    replan: ticks between plans. wanted: (A, 2) m/s^2, what flying the plans takes now.
+    """
+
+    replan: int
+    following: Following
+    history: History
+    question: Question
+    plans: Plans
+    wanted: NDArray[np.float64]
+
+
+structref.define_proxy(
+    Planner, _PlannerType, ["replan", "following", "history", "question", "plans", "wanted"]
+)
+
+
+@kernel
+def make_planner(
+    replan: int,
+    following: Following,
+    history: History,
+    question: Question,
+    plans: Plans,
+    wanted: NDArray[np.float64],
+) -> Planner:
+    """Lay the arrays out once; whoever made them must keep them for as long as the planner is used."""
+    return Planner(replan, following, borrowed(history), borrowed(question), borrowed(plans), wanted)
+
+
 @inlined_kernel
 def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, history: History) -> None:
     """Add this tick to a row's history; one that is shorter than L repeats its first entry.
@@ -121,11 +160,24 @@ def _ask_row(
     observe_wide_row(row, rules.reach_m, memory, question.extra[place])
 
 
+@inlined_kernel
+def _fly(tick: int, desk: Desk, planner: Planner) -> None:
+    work, memory, flown = borrowed(desk.work), borrowed(desk.memory), borrowed(planner.plans)
+    motion, following, wanted = borrowed(desk.sensed).motion, planner.following, planner.wanted
+    for row in range(work.me.shape[0]):
+        if work.awake[row]:
+            wanted[row, 0], wanted[row, 1] = follow_row(
+                tick - flown.made_at[row], flown.start[row], flown.displacement[row], flown.acceleration[row],
+                motion[row, 0:2], motion[row, 2:4], work.slot_error[row], motion[row, 6:8], memory.near_count[row],
+                memory.near_rel[row], memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row],
+                memory.obstacle_radius[row], memory.disc_side[row], following,
+            )  # fmt: skip
+
+
 @kernel
-def note_and_ask(
-    tick: int, replan: int, desk: Desk, history: History, plans: Plans, question: Question
-) -> int:
-    """Note what every awake row sees and hears, and write the model's inputs for those that are due for a plan.
+def ask_or_fly(tick: int, desk: Desk, planner: Planner) -> int:
+    """Note what every awake row sees and hears, and write the model's inputs for those that are due for a plan; if none is,
+    fly the plans there are (in most ticks, so that these take one call).
 
     Drones take turns: with ``replan`` ticks between plans, drone i plans when tick + i is a multiple of it, and besides when
     it has no plan or has flown it to its end.
@@ -133,9 +185,9 @@ def note_and_ask(
     Returns:
         How many rows are due.
     """
-    rules, work, memory = desk.rules, borrowed(desk.work), borrowed(desk.memory)
-    seen, made_at, asked = borrowed(history), plans.made_at, borrowed(question)
-    past, horizon = history.own.shape[1], plans.displacement.shape[1]
+    rules, work, memory, replan = desk.rules, borrowed(desk.work), borrowed(desk.memory), planner.replan
+    seen, asked, made_at = borrowed(planner.history), borrowed(planner.question), planner.plans.made_at
+    past, horizon = seen.own.shape[1], planner.plans.displacement.shape[1]
     due = 0
     for row in range(work.me.shape[0]):
         if not work.awake[row]:
@@ -147,6 +199,8 @@ def note_and_ask(
         if is_due:
             _ask_row(row, due, rules, work, memory, seen, asked)
             due += 1
+    if due == 0:
+        _fly(tick, desk, planner)
     return due
 
 
@@ -155,15 +209,14 @@ def take_plans(
     tick: int,
     first: int,
     desk: Desk,
-    question: Question,
-    plans: Plans,
+    planner: Planner,
     displacement: NDArray[np.float32],
     acceleration: NDArray[np.float32],
 ) -> None:
     """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    motion = borrowed(desk.sensed).motion
+    motion, plans, asked = borrowed(desk.sensed).motion, borrowed(planner.plans), planner.question.row
     for place in range(displacement.shape[0]):
-        row = question.row[first + place]
+        row = asked[first + place]
         plans.made_at[row] = tick
         for index in range(4):
             plans.start[row, index] = motion[row, index]
@@ -172,15 +225,6 @@ def take_plans(
 
 
 @kernel
-def fly_plans(tick: int, desk: Desk, plans: Plans, following: Following, wanted: NDArray[np.float64]) -> None:
-    """Wanted accelerations (A, 2) of all awake rows, each of which has a plan."""
-    work, memory, flown = borrowed(desk.work), borrowed(desk.memory), borrowed(plans)
-    motion = borrowed(desk.sensed).motion
-    for row in range(work.me.shape[0]):
-        if work.awake[row]:
-            wanted[row, 0], wanted[row, 1] = follow_row(
-                tick - flown.made_at[row], flown.start[row], flown.displacement[row], flown.acceleration[row],
-                motion[row, 0:2], motion[row, 2:4], work.slot_error[row], motion[row, 6:8], memory.near_count[row],
-                memory.near_rel[row], memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row],
-                memory.obstacle_radius[row], memory.disc_side[row], following,
-            )  # fmt: skip
+def fly_plans(tick: int, desk: Desk, planner: Planner) -> None:
+    """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
+    _fly(tick, desk, planner)
