@@ -53,8 +53,12 @@ def draw_horizons(result: TableResult, out: Path) -> None:
     axes.set(xlabel="horizon H, ticks of 10 ms", ylabel="success, %", ylim=(-3, 103))
     axes.set_xticks(range(len(horizons)), [str(horizon) for horizon in horizons])
     axes.set_xlim(-0.4, len(horizons) - 0.6)
-    (runs, agents) = max((row.runs, row.agents) for rows in ways.values() for row in rows.values())
-    axes.set_title(f"{agents} drones, {runs} flights a point", loc="left", fontsize=12, color=INK, pad=28)
+    flown = [row for rows in ways.values() for row in rows.values()]
+    fewest, most = min(row.runs for row in flown), max(row.runs for row in flown)
+    runs = f"{most}" if fewest == most else f"{fewest} to {most}"
+    axes.set_title(
+        f"{flown[0].agents} drones, {runs} flights a point", loc="left", fontsize=12, color=INK, pad=28
+    )
     _legend(axes)
     save(figure, out)
 
