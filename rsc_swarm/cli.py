@@ -257,7 +257,7 @@ def train(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Checkpoints, curves and model.onnx; goes on with what is there. (training/NAME)",
+            help="Checkpoints, curves and model.onnx; goes on with what is there. (training/NAME-SEED)",
         ),
     ] = None,
     device: Annotated[
