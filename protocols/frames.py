@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel
+from protocols.rows import bytes_of
 
 VERSION = 1
 MAX_FRAME_BYTES = 1536
@@ -112,17 +113,13 @@ def swarm_tag(swarm: str) -> int:
     return zlib.crc32(swarm.encode()) & 0xFFFF
 
 
-def _bytes_of(array: NDArray[Any]) -> memoryview:
-    return array.reshape(-1).view(np.uint8).data
-
-
 class FrameCodec:
     """Rows of frames to and from the wire, by copying bytes: the records are the wire's own."""
 
     def __init__(self, tag: int, frames: Frames) -> None:
         self._tag = tag
-        self._fixed, self._known = _bytes_of(frames.fixed), _bytes_of(frames.known)
-        self._displacement = _bytes_of(frames.displacement)
+        self._fixed, self._known = bytes_of(frames.fixed), bytes_of(frames.known)
+        self._displacement = bytes_of(frames.displacement)
 
     def encode(self, row: int, note: Any) -> bytes:
         """The bytes of one row; ``note`` is an encoded slot note (protocols.swap)."""

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.rows import bytes_of
+
 MAX_NEAR = 48  # neighbours sensed at once
 MAX_OBSTACLES = 16
 _MOTION_BYTES, _NEAR_BYTES, _OBSTACLE_BYTES = 8 * 8, 5 * 8, 3 * 8
@@ -44,17 +46,13 @@ def empty_sensed(rows: int) -> Sensed:
     )
 
 
-def _bytes_of(array: NDArray[np.float64]) -> memoryview:
-    return array.reshape(-1).view(np.uint8).data
-
-
 class SensedPacker:
     """Packs rows as they are at the moment of packing, by copying bytes."""
 
     def __init__(self, sensed: Sensed) -> None:
         self._near_count, self._obstacle_count = sensed.near_count.data, sensed.obstacle_count.data
-        self._motion, self._near = _bytes_of(sensed.motion), _bytes_of(sensed.near)
-        self._obstacles = _bytes_of(sensed.obstacles)
+        self._motion, self._near = bytes_of(sensed.motion), bytes_of(sensed.near)
+        self._obstacles = bytes_of(sensed.obstacles)
 
     def pack(self, row: int) -> Packed:
         """One row as three byte strings of little-endian doubles."""
@@ -72,7 +70,7 @@ class SensedReader:
     def __init__(self, sensed: Sensed) -> None:
         self._sensed = sensed
         self._motion, self._near, self._obstacles = (
-            _bytes_of(array[0]) for array in (sensed.motion, sensed.near, sensed.obstacles)
+            bytes_of(array[0]) for array in (sensed.motion, sensed.near, sensed.obstacles)
         )
 
     def read(self, packed: Packed) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from agent.policy.model_file import read_model
 from agent.policy.session import open_session
 from protocols.mission import Mission
 from rsc_swarm.batch import Batch
@@ -22,23 +23,25 @@ def mae(model: Path, mission: Mission, maps: Sequence[int]) -> tuple[float, floa
     The model flies ``mission`` on every map (start 0) to the end of each flight. Whenever it plans, its positions over
     the horizon are compared with those of the expert from the same state, before fusion and filter. The mean of |error|
     is taken over flights, plans, drones, steps and the two axes (the paper: MAE_sum / H).
+
+    Raises:
+        agent.policy.model_file.ModelFileError: the file holds no policy that can be flown.
     """
-    session = open_session(model.read_bytes())
-    about = session.get_modelmeta().custom_metadata_map
-    horizon, past = int(about["horizon"]), int(about["past"])
-    replan = mission.trajectory.replan_ticks or int(about["replan"])
+    read = read_model(model)
+    session, facts = open_session(read.data), read.facts
+    replan = mission.trajectory.replan_ticks or facts.replan
     wanted = [value.name for value in session.get_inputs()]
     batch = Batch(
         [mission.model_copy(update={"map_seed": place, "seed": STARTS_PER_MAP * place}) for place in maps]
     )
     errors, moved, plans = 0.0, 0.0, 0
     while (flying := batch.result == FLYING).any():
-        inputs = model_inputs(batch.observation, batch.near, batch.target, batch.extra, past)
+        inputs = model_inputs(batch.observation, batch.near, batch.target, batch.extra, facts.past)
         planned = session.run(None, {name: getattr(inputs, name) for name in wanted})
         displacement, acceleration = (
-            value.reshape(batch.worlds, batch.agents, horizon, 2) for value in planned
+            value.reshape(batch.worlds, batch.agents, facts.horizon, 2) for value in planned
         )
-        expected, _ = batch.label(horizon)
+        expected, _ = batch.label(facts.horizon)
         errors += float(np.abs(displacement - expected)[flying].mean((1, 2, 3)).sum())
         moved += float(np.abs(expected)[flying].mean((1, 2, 3)).sum())
         plans += int(flying.sum())

@@ -1,58 +1,26 @@
-"""How far a long job is: a bar on a terminal, a line now and then elsewhere."""
+"""How far an evaluation is, and how long it will take."""
 
-import sys
 import time
 from statistics import fmean
 
-from rich.progress import BarColumn, Progress, TextColumn
-
 from rsc_swarm.crew import Flight
 from rsc_swarm.evaluate import Watcher
-from rsc_swarm.render import console
+from rsc_swarm.meter import Meter
 
 TICKS_GUESS = 0.75  # of the ticks a flight may take, until some have been flown
-_LINE_EVERY_S = 10.0
-_DRAW_EVERY_S = 0.25
 
 
-class Gauge:
-    """Shows a share of work done, what is being done, and the time left. Draws without a thread: workers are forked."""
+class Gauge(Meter):
+    """Shows a share of work done, what is being done, and the time left."""
 
-    def __init__(self) -> None:
-        screen = console(sys.stderr)
-        columns = (BarColumn(24), TextColumn("{task.description}"))
-        on_terminal = screen.is_terminal
-        self._bar = (
-            Progress(*columns, console=screen, auto_refresh=False, transient=True) if on_terminal else None
-        )
-        self._began = self._told = time.monotonic()
-
-    def begin(self, text: str) -> None:
+    def begin(self, text: str, total: float = 1.0) -> None:
         """The work begins now; the time left is reckoned from here."""
-        self._began = self._told = time.monotonic()
-        if self._bar:
-            self._bar.start()
-            self._task = self._bar.add_task(text, total=1.0)
-            self._bar.refresh()
-
-    def due(self) -> bool:
-        """Whether it is time to tell again."""
-        return time.monotonic() - self._told >= (_DRAW_EVERY_S if self._bar else _LINE_EVERY_S)
+        self._began = time.monotonic()
+        super().begin(text, total)
 
     def tell(self, share: float, text: str) -> None:
         """``share`` of the work, 0 to 1, is done."""
-        self._told = time.monotonic()
-        text += _left(share, self._told - self._began)
-        if self._bar:
-            self._bar.update(self._task, completed=share, description=text)
-            self._bar.refresh()
-        else:
-            print(text, file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        """Take the bar off the screen."""
-        if self._bar:
-            self._bar.stop()
+        self.draw(share, text + _left(share, time.monotonic() - self._began))
 
 
 def _left(share: float, spent_s: float) -> str:

@@ -5,14 +5,10 @@ import time
 from contextlib import closing
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TextColumn
-
-from rsc_swarm.render import console
+from rsc_swarm.meter import Meter
 from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
 from rsc_swarm.training.watcher import Scalars, Watcher
 
-_LINE_EVERY_S = 10.0
-_DRAW_EVERY_S = 0.25
 _NEEDED = {"torch", "tensorboard", "onnx", "onnxruntime"}
 
 
@@ -50,43 +46,26 @@ def run(
 
 
 class _Progress(Watcher):
-    """A bar on a terminal, a line now and then elsewhere. Drawn without a thread."""
+    """Shows the epochs on a meter."""
 
     def __init__(self) -> None:
         self.curve: list[Scalars] = []
-        screen = console(sys.stderr)
-        columns = (BarColumn(24), TextColumn("{task.description}"))
-        self._bar = (
-            Progress(*columns, console=screen, auto_refresh=False, transient=True)
-            if screen.is_terminal
-            else None
-        )
+        self._meter = Meter()
 
     def begin(self, config: TrainingConfig, curve: list[Scalars]) -> None:
         self.curve, self._known, self._epochs = list(curve), len(curve), config.epochs
-        self._begin = self._told = time.monotonic()
-        if self._bar:
-            self._bar.start()
-            self._task = self._bar.add_task(self._said(0.0), total=self._epochs)
+        self._begin = time.monotonic()
+        self._meter.begin(self._said(0.0), total=self._epochs)
 
     def step(self, share: float) -> None:
-        now = time.monotonic()
-        if now - self._told < (_DRAW_EVERY_S if self._bar else _LINE_EVERY_S):
-            return
-        self._told = now
-        if self._bar:
-            self._bar.update(self._task, completed=len(self.curve) + share, description=self._said(share))
-            self._bar.refresh()
-        else:
-            print(self._said(share), file=sys.stderr, flush=True)
+        if self._meter.due():
+            self._meter.draw(len(self.curve) + share, self._said(share))
 
     def epoch(self, scalars: Scalars) -> None:
         self.curve.append(scalars)
 
     def close(self) -> None:
-        """Take the bar off the screen."""
-        if self._bar:
-            self._bar.stop()
+        self._meter.close()
 
     def _said(self, share: float) -> str:
         done = len(self.curve) + share - self._known

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from agent.policy import PolicyError
 from protocols.mission import Mission, MissionError
-from rsc_swarm.crew import Flight, Seeds
-from rsc_swarm.evaluate import Watcher, evaluate, journal_path, summarise
+from rsc_swarm.crew import Seeds
+from rsc_swarm.evaluate import evaluate, journal_path, summarise
 from rsc_swarm.journal import Journal, fingerprint
 from rsc_swarm.options import resolve
 from rsc_swarm.progress import TICKS_GUESS, Flights, Gauge
@@ -83,12 +83,8 @@ def fly(
     for number, job in enumerate(jobs, 1):
         label = f"row {number} of {len(jobs)}, {job.row.key}: "
         guess = TICKS_GUESS * job.mission.ticks
-        flown = fly_row(job, seeds, workers, Flights(guess, gauge, label, done / total, job.work / total))
+        watcher = Flights(guess, gauge, label, done / total, job.work / total)
+        flown = evaluate(job.mission, seeds, workers, job.journal, watcher)
         done += job.work
         result = summarise(job.mission, flown, starts, job.code)
         landed(row_result(job.row, result, accuracy_of(job.mission, job.journal, seeds)))
-
-
-def fly_row(job: Job, seeds: list[Seeds], workers: int, watcher: Watcher) -> list[Flight]:
-    """The flights of one row, those from its journal included."""
-    return evaluate(job.mission, seeds, workers, job.journal, watcher)

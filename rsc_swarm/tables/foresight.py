@@ -6,14 +6,13 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-import agent.policy
+from agent.policy.model_file import SHIPPED
 from protocols.mission import Mission, MissionError
 from rsc_swarm.batch import check_flyable
 from rsc_swarm.crew import CrewError, Seeds
 from rsc_swarm.rundir import write_whole
 from rsc_swarm.tables.result import Accuracy
 
-_MODELS = Path(agent.policy.__file__).parent / "models"
 _MAPS = 20  # the error is a mean over thousands of plans, so a few maps are enough
 
 
@@ -24,7 +23,7 @@ def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accu
     Raises:
         CrewError: the measuring process broke.
     """
-    model = _MODELS / f"{mission.policy}.onnx"
+    model = SHIPPED / f"{mission.policy}.onnx"
     if not (mission.policy.startswith("rsc-h") and model.is_file()):
         return None
     try:

@@ -119,18 +119,18 @@ def test_what_was_flown_is_not_flown_again(tmp_path):
 
 
 def test_a_stopped_table_keeps_its_rows_and_goes_on(tmp_path, monkeypatch, capsys):
-    fly_row = flying.fly_row
+    fly_all = flying.evaluate
 
-    def stopped(job: flying.Job, *others: object) -> list[Flight]:
-        if job.row.policy == "cruise":
+    def stopped(mission: Mission, *others: object) -> list[Flight]:
+        if mission.policy == "cruise":
             raise KeyboardInterrupt
-        return fly_row(job, *others)
+        return fly_all(mission, *others)
 
-    monkeypatch.setattr(flying, "fly_row", stopped)
+    monkeypatch.setattr(flying, "evaluate", stopped)
     assert evaluate(tmp_path) == 130
     assert "stopped after 1 of 2 rows; what was flown is kept" in capsys.readouterr().err
     assert [row.name for row in read_table(path_of(tmp_path, "small")).rows] == ["Analytic"]
-    monkeypatch.setattr(flying, "fly_row", fly_row)
+    monkeypatch.setattr(flying, "evaluate", fly_all)
     assert evaluate(tmp_path) == 0
     assert len(read_table(path_of(tmp_path, "small")).rows) == 2
 
@@ -173,7 +173,7 @@ MODEL = Mission(policy="rsc-h20")
 def measured(tmp_path, monkeypatch):
     """Put something in the place of what measures models."""
     (tmp_path / "rsc-h20.onnx").touch()
-    monkeypatch.setattr(foresight, "_MODELS", tmp_path)
+    monkeypatch.setattr(foresight, "SHIPPED", tmp_path)
 
     def put(mae: object) -> Path:
         module = ModuleType("rsc_swarm.accuracy")
