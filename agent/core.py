@@ -7,6 +7,7 @@ the same. Each tick, for every awake row:
     slots      hear the neighbours' slot notes; propose a swap or take a dead leader's slot where the trigger asks for it
     aim        slot -> targets; the observation X_i
     policy     -> wanted acceleration
+    detour     -> where obstacles have stopped it, the way around them instead
     filter     -> safe acceleration: the command
     compose    the broadcast frame, when one is due
 """

@@ -6,6 +6,7 @@ Between them stand the slot protocol (only when there is news) and the policy, w
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.detour import leave_pocket
 from agent.control.safety import safety_filter
 from agent.desk import Desk, Rules, Shape, Views, Work
 from agent.memory import Memory
@@ -39,7 +40,7 @@ def _ask_triggers(
         memory.rel[row],
     )  # fmt: skip
     work.vacated[row] = trigger.vacancy_to_fill(
-        me, tick, rules.silent_ticks, ex, ey, shape.offsets, shape.parent, views.slot_of[row], views.occupant[row],
+        me, tick, rules.silent_ticks, rules.range_m, ex, ey, shape.offsets, shape.parent, views.slot_of[row], views.occupant[row],
         memory.last_seen[row], memory.hops[row], memory.rel[row],
     )  # fmt: skip
 
@@ -97,6 +98,8 @@ def after_policy(tick: int, first: int, desk: Desk, command: NDArray[np.float64]
         ax, ay = command[row, 0], command[row, 1]
         if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
             ax, ay = 0.0, 0.0
+        if rules.detour:
+            ax, ay = leave_pocket(ax, ay, row, work.slot_error[row], sensed.motion[row, 2:4], memory)
         if rules.filtered:
             ax, ay = safety_filter(
                 ax, ay, sensed.motion[row, 2], sensed.motion[row, 3], memory.near_count[row], memory.near_rel[row],

@@ -27,6 +27,7 @@ class Rules(NamedTuple):
     by_sensor: bool
     remember_obstacles: bool
     chain: bool
+    detour: bool
     filtered: bool
     connected: bool
     swap_rule: int
@@ -130,6 +131,7 @@ def rules_of(mission: Mission) -> Rules:
         by_sensor=mission.sensing.neighbours == "sensed",
         remember_obstacles=mission.sensing.obstacle_memory,
         chain=mission.aim == "chain",
+        detour=mission.detour,
         filtered=mission.safety_filter,
         connected=mission.swap.connected,
         swap_rule=trigger.RULES[mission.swap.rule],

@@ -16,7 +16,8 @@ class Memory(NamedTuple):
     heard_*: (A, N, ...) what the last frame of each drone said. last_seen: (A, N) tick at which anybody, as far as is
     known here, last heard each drone. hops, rel: multi-hop relative positions (protocols.relative).
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
-    and the side on which each is being passed. obstacle_rel: disc centres relative to the drone now.
+    and the side on which each is being passed. stalled: (A,) ticks for which the drone has not come nearer to its slot.
+    obstacle_rel: disc centres relative to the drone now.
     """
 
     heard_tick: NDArray[np.int64]
@@ -36,6 +37,7 @@ class Memory(NamedTuple):
     disc_count: NDArray[np.int64]
     disc: NDArray[np.float64]
     disc_side: NDArray[np.int8]
+    stalled: NDArray[np.int64]
     obstacle_rel: NDArray[np.float64]
     obstacle_radius: NDArray[np.float64]
 
@@ -60,6 +62,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
         disc_count=np.zeros(rows, np.int64),
         disc=np.zeros((rows, MAX_OBSTACLES, 3)),
         disc_side=np.zeros((rows, MAX_OBSTACLES), np.int8),
+        stalled=np.zeros(rows, np.int64),
         obstacle_rel=np.zeros((rows, MAX_OBSTACLES, 2)),
         obstacle_radius=np.zeros((rows, MAX_OBSTACLES)),
     )
@@ -70,3 +73,4 @@ def forget(memory: Memory, row: int, tick: int) -> None:
     memory.heard_tick[row] = NEVER
     memory.last_seen[row] = tick
     memory.disc_count[row] = 0
+    memory.stalled[row] = 0

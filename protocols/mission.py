@@ -198,6 +198,7 @@ class Mission(_Section):
         "slot",
         description="slot: virtual target + own offset; chain: leader's position + offset (<= hops away)",
     )
+    detour: bool = Field(True, description="who is stopped by obstacles plans the shortest way around them")
     safety_filter: bool = True
     formation: FormationSpec = FormationSpec()
     limits: Limits = Limits()

@@ -12,7 +12,8 @@ one connected piece of the radio graph. The asking drone is the one whose slot i
 candidates the one that gains most is chosen.
 
 A drone silent for everybody for ``silent`` ticks has left its slot: its closest living follower takes it, and so on
-down, so that only a leaf stays empty.
+down, so that only a leaf stays empty. Only a follower within radio range of the slot's place judges: from farther away, it
+may be its own fault that it hears nobody there.
 """
 
 import math
@@ -140,6 +141,7 @@ def vacancy_to_fill(
     me: int,
     tick: int,
     silent: int,
+    range_m: float,
     error_x: float,
     error_y: float,
     offsets: NDArray[np.float64],
@@ -162,6 +164,8 @@ def vacancy_to_fill(
     tx = error_x + offsets[above, 0] - offsets[mine, 0]
     ty = error_y + offsets[above, 1] - offsets[mine, 1]
     my_distance = tx * tx + ty * ty
+    if my_distance > range_m * range_m:
+        return NOBODY
     for slot in range(parent.shape[0]):
         sibling = occupant[slot]
         if (

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.detour import leave_pocket
 from agent.control.follow import Following, follow_row
 from agent.control.gains import GAINS
 from agent.control.safety import safety_filter
@@ -198,6 +199,8 @@ def _decentralized(
             motion[2:4], work.slot_error[row], motion[6:8], memory.near_count[row], near_rel, near_vel, memory.disc_count[row],
             obstacle_rel, radius, side, field.following,
         )  # fmt: skip
+    if rules.detour:
+        ax, ay = leave_pocket(ax, ay, row, work.slot_error[row], motion[2:4], memory)
     if rules.filtered:
         ax, ay = safety_filter(
             ax, ay, motion[2], motion[3], memory.near_count[row], near_rel, near_vel, memory.disc_count[row], obstacle_rel,

@@ -23,8 +23,8 @@ _MAE = (
 )
 _WAYS = (
     "*As in the paper*: the paper's a_req follows the plan to its end before the next is made, blended with its "
-    "potential field near others; no safety filter; only leader and follower swap, at most once a second. "
-    "*Ours*: the defaults, with the safety filter last. "
+    "potential field near others; no safety filter, no detours; only leader and follower swap, at most once a second. "
+    "*Ours*: the defaults, with detours and the safety filter last. "
 )
 _PAGE = """# Results
 

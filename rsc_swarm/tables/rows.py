@@ -102,10 +102,12 @@ def chosen(table: Table, names: str | None) -> list[Row]:
 
 _PLAIN = Place("", "", MissionOptions())
 _ALONE, _OURS = Way("", ""), Way("ours", "ours")
-# The paper has neither of ours: the safety filter, swaps with any drone in contact.
+# The paper has none of ours: the safety filter, detours, swaps with any drone in contact.
 _PAPERS_SWAPS = ("swap.rule=tree", "swap.cooldown_s=1")
-_PAPERS_STEPS = ("trajectory.tracking=required", "trajectory.blend=true", "safety_filter=false")
-_BASELINE = (Way("no-filter", "without filter", ("safety_filter=false",)), Way("filter", "with filter"))
+_NO_DETOUR = "detour=false"
+_BARE = ("safety_filter=false", _NO_DETOUR)
+_PAPERS_STEPS = ("trajectory.tracking=required", "trajectory.blend=true", *_BARE)
+_BASELINE = (Way("no-filter", "without filter", _BARE), Way("filter", "with filter", (_NO_DETOUR,)))
 
 
 def _papers_way(horizon: int) -> Way:
@@ -123,6 +125,11 @@ def _baseline(place: Place, name: str, policy: str, paper: Paper | None = None) 
         yield Row(place, name, way, policy, paper)
 
 
+def _analytic(place: Place) -> Iterator[Row]:
+    yield Row(place, "Analytic", _BASELINE[0], "analytic")
+    yield Row(place, "Analytic", _OURS, "analytic")
+
+
 def _rsc(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row]:
     for way in (_papers_way(horizon), _OURS):
         yield Row(place, f"RSC-H{horizon}", way, f"rsc-h{horizon}", paper)
@@ -130,7 +137,7 @@ def _rsc(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row
 
 def _table_1() -> Iterator[Row]:
     yield _expert(_PLAIN, Paper(96.0, 13.06, None, 3.0))
-    yield from _baseline(_PLAIN, "Analytic", "analytic")
+    yield from _analytic(_PLAIN)
     yield from _baseline(_PLAIN, "Saber", "saber", Paper(5.0, 15.47, None, 39.5))
     yield from _baseline(_PLAIN, "STGNN", "stgnn", Paper(0.0, None, None, 72.0))
     yield from _rsc(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
@@ -165,7 +172,7 @@ def _table_2() -> Iterator[Row]:
     )  # fmt: skip
     for place, papers in sizes:
         yield _expert(place, papers.get("Expert"))
-        yield Row(place, "Analytic", _BASELINE[1], "analytic")
+        yield Row(place, "Analytic", _OURS, "analytic")
         for horizon in (20, 30, 40) if papers else (20,):
             yield from _rsc(place, horizon, papers.get(f"H{horizon}"))
 
@@ -192,7 +199,10 @@ _HARDER = ("dense", "scrambled", "slow-leader", "fast-target", "poor-radio-30", 
            "lost-agent")  # fmt: skip
 _EXPERTS = ("dense", "scrambled", "fast-target")  # it has no radio that could be poor, and nobody to lose
 _OFTEN = Way("every-10", "ours, a plan every 10 ticks", ("trajectory.replan_ticks=10",))
-_FORGETFUL = Way("no-memory", "obstacles not remembered", ("sensing.obstacle_memory=false",))
+_STRAIGHT = Way("no-detour", "ours, without detours", (_NO_DETOUR,))
+_FORGETFUL = Way(
+    "no-memory", "without detours, obstacles not remembered", ("sensing.obstacle_memory=false", _NO_DETOUR)
+)
 
 
 def _table_harder() -> Iterator[Row]:
@@ -202,9 +212,12 @@ def _table_harder() -> Iterator[Row]:
             yield _expert(place)
         if mission == "dense":
             yield Row(place, "Analytic", _FORGETFUL, "analytic")
-        yield Row(place, "Analytic", _BASELINE[1], "analytic")
+            yield Row(place, "Analytic", _STRAIGHT, "analytic")
+        yield Row(place, "Analytic", _OURS, "analytic")
         yield from _rsc(place, 20)
-        yield Row(place, "RSC-H20", _OFTEN, "rsc-h20")
+        if mission == "dense":
+            yield Row(place, "RSC-H20", _STRAIGHT, "rsc-h20")
+            yield Row(place, "RSC-H20", _OFTEN, "rsc-h20")
 
 
 TABLES = {

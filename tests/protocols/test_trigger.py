@@ -143,7 +143,9 @@ def vacancy(me: int, silent_since: dict[int, int], places: list[float] | None = 
     hops = np.where(slots == me, 0, 1)
     ex, ey = star.offsets[me] - points[me]
     return int(
-        vacancy_to_fill(me, 1000, 400, ex, ey, star.offsets, star.parent, slots, slots, last_seen, hops, rel)
+        vacancy_to_fill(
+            me, 1000, 400, 6.0, ex, ey, star.offsets, star.parent, slots, slots, last_seen, hops, rel
+        )
     )
 
 
@@ -164,3 +166,10 @@ def test_the_closest_living_follower_takes_it() -> None:
 
 def test_the_slot_of_a_silent_follower_stays_empty() -> None:
     assert [vacancy(me, {4: 0}) for me in range(4)] == [NOBODY] * 4
+
+
+def test_who_is_out_of_range_of_the_slot_does_not_judge_that_it_is_empty() -> None:
+    assert vacancy(1, {0: 0}, [0.0, 5.9, -9.0, 0.0, 0.0]) == NOBODY, "drones 3 and 4 are nearer"
+    others_dead = {0: 0, 2: 0, 3: 0, 4: 0}
+    assert vacancy(1, others_dead, [0.0, 5.9]) == 0
+    assert vacancy(1, others_dead, [0.0, 6.1]) == NOBODY

@@ -1,0 +1,133 @@
+"""The way out of a pocket: a drone that obstacles have stopped flies the shortest way around those it knows.
+
+Every reactive rule has pockets, places between obstacles where all its pushes and pulls cancel, and a policy that imitates one
+has them too. So whoever has not come nearer to its slot for a while, and has obstacles in the way, plans instead: obstacles
+grown by a margin become polygons, and the shortest way along their corners to the slot (A*) tells where to go next. That ends
+as soon as the straight way is free.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.control.agents import agent_terms
+from agent.control.gains import GAINS
+from agent.memory import Memory
+from protocols.kernels import inlined_kernel, kernel
+
+STALLED_TICKS = 30  #: after which a drone counts as stopped
+_CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
+_FAR_M = 2.0  # nearer to the slot is arriving
+_MARGIN_M = 0.62  # kept from surfaces on the way around: what the safety filter keeps, so that the way in is a way out
+_CORNERS = 16  # of the polygon around a disc
+_SPEED_MPS = 6.0  # flown on the way around
+_GAIN = 3.0  # 1/s, on the velocity's error
+_START, _GOAL = 0, 1
+
+
+@inlined_kernel
+def _touches(ax: float, ay: float, bx: float, by: float, disc_x: float, disc_y: float, radius: float) -> bool:
+    """Whether the straight line from a to b passes a disc's centre nearer than ``radius``."""
+    x, y = bx - ax, by - ay
+    along = (disc_x - ax) * x + (disc_y - ay) * y
+    share = min(max(along / max(x * x + y * y, 1e-12), 0.0), 1.0)
+    miss_x, miss_y = ax + share * x - disc_x, ay + share * y - disc_y
+    return miss_x * miss_x + miss_y * miss_y < radius * radius
+
+
+@inlined_kernel
+def _is_free(
+    a: int, b: int, point: NDArray[np.float64], m: int, rel: NDArray[np.float64], radius: NDArray[np.float64]
+) -> bool:
+    """Whether one can fly straight from point a to point b. A disc whose margin holds the start or the goal is passed no nearer
+    than that is."""
+    for i in range(m):
+        grown = radius[i] + _MARGIN_M
+        for end in (a, b):
+            if end in (_START, _GOAL):
+                grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - 1e-3)
+        if grown > 0.0 and _touches(
+            point[a, 0], point[a, 1], point[b, 0], point[b, 1], rel[i, 0], rel[i, 1], grown
+        ):
+            return False
+    return True
+
+
+@kernel
+def next_corner(
+    goal_x: float, goal_y: float, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64]
+) -> tuple[int, float, float]:
+    """The first corner of the shortest way to the goal, all relative to me [m]: (corners on the way, x, y).
+
+    ``rel`` (M, 2): centres [m], ``radius`` (M,) [m] of the first ``m`` obstacles. 0 corners: the straight way is free, and
+    (x, y) is the goal; -1: there is no way.
+    """
+    point = np.empty((2 + m * _CORNERS, 2))
+    point[_START, 0], point[_START, 1] = 0.0, 0.0
+    point[_GOAL, 0], point[_GOAL, 1] = goal_x, goal_y
+    if _is_free(_START, _GOAL, point, m, rel, radius):
+        return 0, goal_x, goal_y
+    count = 2
+    for i in range(m):
+        outer = (radius[i] + _MARGIN_M) / math.cos(math.pi / _CORNERS) + 1e-3
+        for corner in range(_CORNERS):
+            angle = 2.0 * math.pi * corner / _CORNERS
+            x, y = rel[i, 0] + outer * math.cos(angle), rel[i, 1] + outer * math.sin(angle)
+            inside = False
+            for j in range(m):
+                inside |= math.hypot(x - rel[j, 0], y - rel[j, 1]) < radius[j] + _MARGIN_M
+            if not inside:
+                point[count, 0], point[count, 1] = x, y
+                count += 1
+    way, before, closed = np.full(count, math.inf), np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    way[_START] = 0.0
+    while True:
+        here, best = -1, math.inf
+        for i in range(count):
+            if not closed[i]:
+                length = way[i] + math.hypot(goal_x - point[i, 0], goal_y - point[i, 1])
+                if length < best:
+                    here, best = i, length
+        if here < 0:
+            return -1, 0.0, 0.0
+        if here == _GOAL:
+            break
+        closed[here] = True
+        for i in range(count):
+            if not closed[i]:
+                length = way[here] + math.hypot(point[i, 0] - point[here, 0], point[i, 1] - point[here, 1])
+                if length < way[i] and _is_free(here, i, point, m, rel, radius):
+                    way[i], before[i] = length, here
+    corners, first = 0, _GOAL
+    while before[first] != _START:
+        first = before[first]
+        corners += 1
+    return corners, point[first, 0], point[first, 1]
+
+
+@inlined_kernel
+def leave_pocket(
+    a_x: float, a_y: float, row: int, error: NDArray[np.float64], v: NDArray[np.float64], memory: Memory
+) -> tuple[float, float]:
+    """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` up to date.
+
+    ``error`` (2,): slot target minus own position [m]; ``v`` (2,): own velocity [m/s].
+    """
+    if memory.stalled[row] < STALLED_TICKS:
+        far = math.hypot(error[0], error[1])
+        closes = v[0] * error[0] + v[1] * error[1] > _CLOSING_MPS * far
+        memory.stalled[row] = 0 if closes or far < _FAR_M else memory.stalled[row] + 1
+        return a_x, a_y
+    corners, x, y = next_corner(
+        error[0], error[1], memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
+    )
+    if corners <= 0:
+        memory.stalled[row] = 0
+        return a_x, a_y
+    length = max(math.hypot(x, y), 1e-9)
+    u_x, u_y = x / length, y / length
+    apart_x, apart_y = agent_terms(
+        memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, GAINS
+    )
+    return _GAIN * (_SPEED_MPS * u_x - v[0]) + apart_x, _GAIN * (_SPEED_MPS * u_y - v[1]) + apart_y

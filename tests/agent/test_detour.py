@@ -1,0 +1,84 @@
+"""The way out of a pocket: which way is the shortest, and a drone that takes it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from agent.control.detour import STALLED_TICKS, leave_pocket, next_corner
+from agent.memory import empty_memory
+from protocols.mission import parse_mission
+from rsc_swarm.simulate import simulate
+
+CUP = [
+    (3.0, 3.0, 1.5),
+    (5.0, 1.2, 1.5),
+    (5.0, -1.2, 1.5),
+    (3.0, -3.0, 1.5),
+    (1.0, 3.6, 1.0),
+]  # open to the left
+
+
+def way(goal: tuple[float, float], *discs: tuple[float, float, float]) -> tuple[int, float, float]:
+    """The next corner of the way from (0, 0)."""
+    table = np.array(discs, float).reshape(-1, 3)
+    return next_corner(*goal, len(table), table[:, :2].copy(), table[:, 2].copy())
+
+
+def test_where_nothing_is_in_the_way_the_goal_is_next() -> None:
+    assert way((9.0, 1.0)) == (0, 9.0, 1.0)
+    assert way((9.0, 1.0), (4.0, -4.0, 1.5)) == (0, 9.0, 1.0)
+
+
+def test_a_disc_is_passed_on_its_shorter_side_with_room_to_its_surface() -> None:
+    corners, x, y = way((10.0, 0.0), (5.0, 0.5, 1.5))
+    assert corners >= 1
+    assert y < 0.0
+    assert 0.6 < math.hypot(x - 5.0, y - 0.5) - 1.5 < 0.8
+
+
+def test_the_way_out_of_a_cup_leads_back_first() -> None:
+    corners, x, y = way((12.0, 0.0), *CUP)
+    assert corners >= 2
+    assert (x, y) == pytest.approx((3.0, -3.0), abs=2.5), "around the lower lip, as the upper one is longer"
+    assert y < -0.5
+
+
+def test_a_gap_too_narrow_is_no_way_and_one_wide_enough_is() -> None:
+    assert way((10.0, 0.0), (5.0, 1.6, 1.0), (5.0, -1.6, 1.0))[0] > 0, "a gap of 1.2 m"
+    assert way((10.0, 0.0), (5.0, 1.65, 1.0), (5.0, -1.65, 1.0))[0] == 0, "a gap of 1.3 m"
+
+
+def test_there_is_no_way_out_of_a_ring() -> None:
+    ring = [(4.0 * math.cos(k * math.pi / 6), 4.0 * math.sin(k * math.pi / 6), 1.0) for k in range(12)]
+    assert way((12.0, 0.0), *ring)[0] == -1
+
+
+def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None:
+    assert way((5.0, 0.0), (5.0, 0.5, 1.5))[0] == 0
+
+
+def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
+    memory = empty_memory(1, 3)
+    memory.disc_count[0] = len(CUP)
+    for index, (x, y, radius) in enumerate(CUP):
+        memory.obstacle_rel[0, index] = x, y
+        memory.obstacle_radius[0, index] = radius
+    error, still, quick = np.array([12.0, 0.0]), np.zeros(2), np.array([3.0, 0.0])
+    for _ in range(STALLED_TICKS):
+        assert leave_pocket(1.0, 2.0, 0, error, still, memory) == (1.0, 2.0)
+    assert leave_pocket(1.0, 2.0, 0, error, still, memory) != (1.0, 2.0)
+    memory.disc_count[0] = 0  # now the straight way is free
+    assert leave_pocket(1.0, 2.0, 0, error, still, memory) == (1.0, 2.0)
+    assert memory.stalled[0] == 0
+    for _ in range(3 * STALLED_TICKS):
+        assert leave_pocket(1.0, 2.0, 0, error, quick, memory) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("detour", [True, False])
+def test_a_drone_that_flew_into_a_cup_comes_out_only_by_a_detour(detour: bool) -> None:
+    # The policy flies straight to its slot.
+    discs = [[12.0 + x, y, radius] for x, y, radius in CUP]
+    fields = {"agents": 1, "policy": "cruise", "start": {"radius_m": 0}, "obstacles": {"discs": discs}}
+    result = simulate([parse_mission({**fields, "detour": detour})])[0]
+    assert (result.failure is None) == detour
