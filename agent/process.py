@@ -13,6 +13,7 @@ from agent.hearing import Hearing
 from agent.memory import forget
 from protocols import messages
 from protocols.frames import FrameCodec, empty_frames, swarm_tag
+from protocols.kernels import release_compiler
 from protocols.mission import Mission, parse_mission
 from protocols.sensed import SensedPacker, SensedReader, empty_sensed
 from protocols.status import AgentStatus
@@ -98,6 +99,7 @@ def rehearse(mission: Mission) -> None:
     for tick in range(2):
         drone.answer(tick, SensedPacker(empty_sensed(1)).pack(0), b"", [])
     drone.core.load_rare_kernels()
+    release_compiler()
 
 
 def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:

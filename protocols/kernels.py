@@ -5,7 +5,9 @@ rule that lives in another file. Here the cache folder is named after the text o
 edit gets a fresh folder, and a process never runs a stale rule.
 """
 
+import ctypes
 import hashlib
+import mmap
 import os
 import shutil
 import tempfile
@@ -18,6 +20,7 @@ from numba.core import cgutils, config
 from numba.extending import intrinsic
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
+_COMPILER = "libllvmlite"
 _KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -71,6 +74,21 @@ def inlined_kernel(function: F) -> F:
     than the rule. Not for kernels that allocate.
     """
     return cast(F, numba.njit(cache=True, error_model="numpy", forceinline=True)(function))
+
+
+def release_compiler() -> None:
+    """Give back the memory of the compiler's code, for when the kernels needed are loaded.
+
+    The code is a file's, so the system reads it again should it be called once more. Does nothing where there is no Linux.
+    """
+    maps = Path("/proc/self/maps")
+    for line in maps.read_text().splitlines() if maps.exists() else []:
+        span, access, *_, name = line.split()
+        if access == "r-xp" and _COMPILER in name:
+            begin, end = (int(bound, 16) for bound in span.split("-"))
+            ctypes.CDLL(None).madvise(
+                ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), mmap.MADV_DONTNEED
+            )
 
 
 _intrinsic: Any = intrinsic  # numba's annotations know nothing of what it makes of a function
