@@ -153,6 +153,7 @@ class Batch:
         stage.closest[world], stage.formed[world] = np.inf, -1
         views.slot_of[rows] = stage.claim[world]
         memory.disc_count[rows] = 0
+        memory.stalled[rows] = 0
         kernels.begin(world, stage, self._field, self._desk)
 
     def label(self, horizon: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

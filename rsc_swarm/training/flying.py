@@ -41,6 +41,7 @@ def training_mission(config: TrainingConfig, rng: np.random.Generator) -> Missio
         agents=config.agents,
         obstacles=_HARD if rng.random() < config.hard_share else _PLAIN,
         trajectory=Trajectory(tracking="required" if config.output == "raw" else "smooth"),
+        detour=False,  # so that the policy learns what to do where it stops
         map_seed=int(rng.integers(*TRAINING_MAPS)),
         seed=int(rng.integers(2**32)),
     )

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.control.detour import STALLED_TICKS
 from protocols.mission import Mission, MissionError, parse_mission
 from rsc_swarm.batch import Batch
 from rsc_swarm.batch_kernel import FLYING, SUCCEEDED
@@ -29,6 +30,19 @@ def test_the_analytic_controller_flies_bit_for_bit_what_it_flies_in_a_simulation
             simulation.tick()
         assert np.array_equal(batch.position, simulation.world.position)
         assert np.array_equal(batch.velocity, simulation.world.velocity)
+
+
+def test_detours_are_flown_bit_for_bit_as_in_a_simulation() -> None:
+    fields = {"obstacles": {"count": [14, 16], "y_m": [-8, 8]}}
+    batch, simulation = Batch(missions(2, **fields)), Simulation(missions(2, **fields))
+    ticks_on_detours = 0
+    for _ in range(40):
+        batch.fly(10, analytic=True)
+        for _ in range(10):
+            simulation.tick()
+            ticks_on_detours += int((simulation.agents.memory.stalled == STALLED_TICKS).sum())
+        assert np.array_equal(batch.position, simulation.world.position)
+    assert ticks_on_detours > 20
 
 
 def test_observations_are_those_of_the_drones_at_this_and_the_last_three_ticks() -> None:
