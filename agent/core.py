@@ -30,6 +30,11 @@ from protocols.status import SWAP_COUNTS, AgentStatus
 _FLOAT64 = np.dtype(np.float64)
 
 
+def _kind_of(value: object) -> str:
+    """What a policy returned, for the error that tells what it should have been."""
+    return f"{value.shape} {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
 class AgentCore:
     """A drones of swarms that fly the same mission (up to seeds).
 
@@ -115,10 +120,13 @@ class AgentCore:
             desk,
         )
         command = self.policy.act(seen)
-        found = (getattr(command, "shape", None), getattr(command, "dtype", type(command).__name__))
-        if found != (work.slot_error.shape, _FLOAT64):
+        if (
+            type(command) is not np.ndarray
+            or command.dtype != _FLOAT64
+            or command.shape != work.slot_error.shape
+        ):
             raise PolicyError(
-                f"policy: act must return {work.slot_error.shape} float64, not {found[0] or ''} {found[1]}"
+                f"policy: act must return {work.slot_error.shape} float64, not {_kind_of(command)}"
             )
         cycle.after_policy(tick, first, desk, command)
         self.parties.write_notes(tick, work.sent, self.frames, self.notes, first)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.kernels import kernel
 from protocols.mission import TICK_S, Fault, Mission
 from protocols.sensed import MAX_OBSTACLES, Sensed, empty_sensed
 from world import field, flood, medium, physics, referee
@@ -54,6 +55,43 @@ class Event:
     world: int
     fault: Fault
     agents: tuple[int, ...]
+
+
+@kernel
+def _take_answers(
+    tick: NDArray[np.int64],
+    responsive: NDArray[np.bool_],
+    flying: NDArray[np.bool_],
+    command: NDArray[np.float64],
+    sent_bytes: NDArray[np.int64],
+    claim: NDArray[np.int64],
+    commands: NDArray[np.float64],
+    sent: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    claims: NDArray[np.int16],
+) -> None:
+    """Take over, from rows, what those said that are awake; the others' commands and claims stay, and they sent nothing."""
+    worlds, agents = flying.shape
+    for world in range(worlds):
+        bucket = tick[world] % sizes.shape[1]
+        for agent in range(agents):
+            row = world * agents + agent
+            awake = responsive[world, agent] and flying[world, agent]
+            sizes[world, bucket, agent] = sent[world, agent] = sent_bytes[row] if awake else 0
+            if awake:
+                commands[world, agent, 0], commands[world, agent, 1] = command[row, 0], command[row, 1]
+                claims[world, agent] = claim[row]
+
+
+@kernel
+def _next_tick(
+    active: NDArray[np.bool_], tick: NDArray[np.int64], target: NDArray[np.float64], target_speed: float
+) -> None:
+    """Move the clock and the virtual target on, in every active world."""
+    for world in range(active.shape[0]):
+        if active[world]:
+            tick[world] += 1
+            target[world] = target_speed * TICK_S * tick[world]
 
 
 class WorldCore:
@@ -102,6 +140,7 @@ class WorldCore:
         self._bad = np.zeros((worlds, agents, agents), np.bool_)
         self._queue = medium.empty_queue(worlds, agents, self._link.longest)
         self._sizes = np.zeros((worlds, self._link.longest + 1, agents), np.int64)
+        self._sent = np.zeros(self.shape, np.int64)
         self._inbox_start = np.zeros(worlds * agents + 1, np.int64)
         self._inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
         # Only where something goes wrong is there news to wait for.
@@ -213,7 +252,7 @@ class WorldCore:
         self,
         command: NDArray[np.float64],
         sent_bytes: NDArray[np.int64],
-        claim: NDArray[np.int16] | NDArray[np.int64],
+        claim: NDArray[np.int64],
     ) -> list[int]:
         """Move all worlds by one tick; return those whose flight has just ended.
 
@@ -223,21 +262,27 @@ class WorldCore:
             claim: (E*N,) the slot each drone says it holds.
         """
         mission, limits = self.missions[0], self.missions[0].limits
-        awake = self.responsive & self.flying
-        np.copyto(self.command, command.reshape(self.command.shape), where=awake[:, :, None])
-        np.copyto(self.claim, claim.reshape(self.shape), where=awake)
-        sizes = np.where(awake, sent_bytes.reshape(self.shape), 0)
-        self._sizes[np.arange(len(self.tick)), self.tick % self.ring] = sizes
+        _take_answers(
+            self.tick,
+            self.responsive,
+            self.flying,
+            command,
+            sent_bytes,
+            claim,
+            self.command,
+            self._sent,
+            self._sizes,
+            self.claim,
+        )
         medium.relay(
-            self._link, self._seeds, self.tick, self.active, self.flying, self._group, self.position, sizes, self._bad,
+            self._link, self._seeds, self.tick, self.active, self.flying, self._group, self.position, self._sent, self._bad,
             self._queue, self.tally,
         )  # fmt: skip
         physics.move(
             self.active, self.flying, self.position, self.velocity, self.command, self.ability, limits.acceleration_mps2,
             limits.speed_mps, TICK_S,
         )  # fmt: skip
-        self.tick[self.active] += 1
-        self.target[self.active] = mission.target.speed_mps * TICK_S * self.tick[self.active]
+        _next_tick(self.active, self.tick, self.target, mission.target.speed_mps)
         referee.judge(
             self.active, self.flying, self.position, self.claim, self.target, self.goal_x, self.obstacle_count, self.obstacles,
             self.plan.offsets, self.plan.parent, self._is_leaf, self.plan.spacing, mission.edge_tolerance, limits.collision_m,

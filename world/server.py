@@ -123,10 +123,11 @@ class WorldServer:
         self._frames: list[list[bytes]] = [[b""] * agents for _ in range(self.core.ring)]
         self._sensors = SensedPacker(self.core.sensed)
         self._now = 0  # the tick
-        # Lists, because they are filled number by number.
-        self._command = [(0.0, 0.0)] * agents
-        self._sent_bytes = [0] * agents
-        self._claim: list[int] = self.core.claim[0].tolist()
+        self._command, self._sent_bytes = np.zeros((agents, 2)), np.zeros(agents, np.int64)
+        self._claim = self.core.claim[0].astype(np.int64)
+        # The same numbers, to be filled one by one.
+        self._command_of = self._command.data
+        self._sent_bytes_of, self._claim_of = self._sent_bytes.data, self._claim.data
         self._statuses: dict[int, AgentStatus] = {}
         self._watch = Watch(agents, mission.swap.cooldown_s)
         self._sizes: list[int] = []
@@ -215,18 +216,14 @@ class WorldServer:
         awake = self._awake()
         if self._clock == "lockstep":
             awake = self._await(awake, lambda agent: self._ready[agent])
-        self._sent_bytes = [0] * self._mission.agents
+        self._sent_bytes[:] = 0
         self._say_tick(tick, [agent for agent in awake if self._ready[agent]])
         if self._clock == "lockstep":
             awake = self._await(awake, lambda agent: self._answered[agent] >= tick)
         else:
             awake = self._keep_time(tick, started + (tick + 1) * TICK_S)
         self._watch.tick(tick, awake, core.could_know(0))
-        core.advance(
-            np.array(self._command, np.float64),
-            np.array(self._sent_bytes, np.int64),
-            np.array(self._claim, np.int16),
-        )
+        core.advance(self._command, self._sent_bytes, self._claim)
         self._now = int(core.tick[0])
         if core.active[0] and self._watch.breach:
             core.end(0, "broken-invariant")
@@ -236,7 +233,8 @@ class WorldServer:
             core.end(0, "all-lost")
 
     def _awake(self) -> list[int]:
-        return np.flatnonzero(self.core.rows_awake).tolist()
+        awake: list[int] = (self.core.responsive[0] & self.core.flying[0]).nonzero()[0].tolist()
+        return awake
 
     def _say_tick(self, tick: int, awake: list[int]) -> None:
         self.core.sense()
@@ -298,7 +296,7 @@ class WorldServer:
             behind = tick - self._answered[agent]
             self._misses += behind > 0
             if behind > _BACKLOG:
-                self._command[agent] = (0.0, 0.0)
+                self._command[agent] = 0.0
             if behind * TICK_S > _ANSWER_S:
                 self._lose([agent])
         return self._awake()
@@ -377,10 +375,10 @@ class WorldServer:
         if tick <= self._answered[agent]:
             return
         self._answered[agent] = tick
-        self._command[agent] = ax, ay
-        self._claim[agent] = slot
+        self._command_of[agent, 0], self._command_of[agent, 1] = ax, ay
+        self._claim_of[agent] = slot
         if frame is not None:
             self._frames[self._now % self.core.ring][agent] = frame
-            self._sent_bytes[agent] = len(frame)
+            self._sent_bytes_of[agent] = len(frame)
             if len(self._sizes) < _SIZE_SAMPLE:
                 self._sizes.append(len(frame))

@@ -36,10 +36,11 @@ class Analytic:
     """Steers to the slot around obstacles and neighbours, without learning and without planning ahead."""
 
     def __init__(self, mission: Mission) -> None:
-        pass
+        self._wanted = np.zeros((0, 2))
 
     def act(self, seen: Seen) -> NDArray[np.float64]:
         """Wanted acceleration (A, 2) m/s^2; remembers the side on which each obstacle is passed."""
-        wanted = np.zeros((len(seen.awake), 2))
-        _act(seen.desk, wanted)
-        return wanted
+        if len(self._wanted) != len(seen.awake):
+            self._wanted = np.zeros((len(seen.awake), 2))
+        _act(seen.desk, self._wanted)
+        return self._wanted

@@ -30,7 +30,7 @@ def drift(core: WorldCore, ticks: int, command: float = 0.0) -> list[tuple[int, 
         happened += [(now, event.fault.kind, event.agents) for event in core.begin_tick()]
         core.sense()
         core.deliver()
-        core.advance(np.full((6, 2), command), np.full(6, 100), np.arange(6, dtype=np.int16))
+        core.advance(np.full((6, 2), command), np.full(6, 100), np.arange(6))
     return happened
 
 

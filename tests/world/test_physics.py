@@ -9,7 +9,7 @@ from protocols.mission import parse_mission
 from world.core import WorldCore
 
 COAST = np.zeros((3, 2))
-SLOTS = np.arange(3, dtype=np.int16)
+SLOTS = np.arange(3)
 
 
 def world(positions: list[list[float]], **fields: Any) -> WorldCore:

@@ -24,7 +24,7 @@ def judged(core: WorldCore, claims: list[int] | None = None, ticks: int = 1) -> 
     for _ in range(ticks):
         if core.active[0]:
             core.begin_tick()
-            core.advance(np.zeros((5, 2)), np.zeros(5, np.int64), np.array(claims or range(5), np.int16))
+            core.advance(np.zeros((5, 2)), np.zeros(5, np.int64), np.array(claims or range(5)))
     return core.outcomes[0]
 
 
