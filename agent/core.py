@@ -121,7 +121,7 @@ class AgentCore:
         )
         command = self.policy.act(seen)
         if (
-            type(command) is not np.ndarray
+            not isinstance(command, np.ndarray)
             or command.dtype != _FLOAT64
             or command.shape != work.slot_error.shape
         ):

@@ -233,8 +233,7 @@ class WorldServer:
             core.end(0, "all-lost")
 
     def _awake(self) -> list[int]:
-        awake: list[int] = (self.core.responsive[0] & self.core.flying[0]).nonzero()[0].tolist()
-        return awake
+        return np.flatnonzero(self.core.rows_awake).tolist()
 
     def _say_tick(self, tick: int, awake: list[int]) -> None:
         self.core.sense()

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.agents import agent_terms
-from agent.control.gains import GAINS
+from agent.control.gains import GAINS, LIMITS
 from agent.memory import Memory
 from protocols.kernels import inlined_kernel, kernel
 
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
 _FAR_M = 2.0  # nearer to the slot is arriving
-_MARGIN_M = 0.62  # kept from surfaces on the way around: what the safety filter keeps, so that the way in is a way out
+# Kept from surfaces on the way around: hardly more than the safety filter keeps, so that the way in is a way out.
+_MARGIN_M = LIMITS.obstacle_clearance + 0.02
 _CORNERS = 16  # of the polygon around a disc
 _SPEED_MPS = 6.0  # flown on the way around
 _GAIN = 3.0  # 1/s, on the velocity's error
