@@ -10,7 +10,8 @@ The rules
     3. Whoever hears a settled note of its own digest folds too: the sender knew that all have had them. Who
        has unlike swaps and a smaller checkpoint is sent the larger one, and takes it over.
     4. The dead learn nothing. Of more than `open_max` open swaps the older half is folded regardless.
-    5. An amnesiac has joined when it has heard a neighbour's checkpoint and then an equal digest.
+    5. An amnesiac has joined when it has heard a neighbour's checkpoint and then an equal digest. Until then its swaps
+       are on their way to somebody else's, and it keeps no account of who has had them.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class SlotGossip:
             self._repair_left = self._rules.repair_frames
         elif note.settled:
             book.fold(book.count)
-        else:
+        elif not self.amnesiac:
             self._hear_who_had(note.had)
         behind = unlike and note.mark is not None and note.mark < book.base.mark
         if (note.amnesiac or behind) and not self.amnesiac:

@@ -408,6 +408,19 @@ def test_an_amnesiac_is_not_made_sure_by_another() -> None:
     assert {party.stance for party in pair} == {Stance.AMNESIAC}
 
 
+def test_an_amnesiac_does_not_mistake_who_had_older_swaps_for_who_had_them_all() -> None:
+    a, b, c = parties(3)
+    a.vacate(2, tick=0)
+    tell(a, b, c)
+    a.vacate(2, tick=0)
+    tell(a, b)  # c never hears of this one
+    again = SlotParty(0, range(3), RULES, nonce=1, amnesiac=True)
+    tell(c, again)
+    tell(b, again)
+    assert again.book.count == 2
+    assert again.book.base.size == 0, "nothing may be folded that c has not had"
+
+
 def test_a_restarted_agent_never_reuses_a_name() -> None:
     a, b = parties(2)
     a.vacate(1, tick=0)  # and dies before anybody hears of it
