@@ -50,19 +50,28 @@ def judge_world(
     result[EDGE_ERROR], result[EDGE_CHILD], result[SLOT_ERROR] = 0.0, -1, 0.0
     result[COMPLETE], result[PASSED], result[SHARED_SLOTS] = 1.0, 1.0, 0.0
     nearest[world], edge_error[world], holder[:] = np.inf, 0.0, -1
+    for agent in range(agents):  # pairs, by squares of distances
+        if not flying[world, agent]:
+            continue
+        px, py = position[world, agent, 0], position[world, agent, 1]
+        nearest2 = nearest[world, agent]
+        for other in range(agent + 1, agents):
+            if flying[world, other]:
+                dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
+                gap2 = dx * dx + dy * dy
+                nearest[world, other] = min(nearest[world, other], gap2)
+                if gap2 < nearest2:
+                    nearest2 = gap2
+                    if gap2 < result[CLOSEST_AGENTS]:
+                        result[CLOSEST_AGENTS], result[AGENT_A], result[AGENT_B] = gap2, agent, other
+        nearest[world, agent] = math.sqrt(nearest2)
+    result[CLOSEST_AGENTS] = math.sqrt(result[CLOSEST_AGENTS])
     anyone = False
     for agent in range(agents):
         if not flying[world, agent]:
             continue
         anyone = True
         px, py = position[world, agent, 0], position[world, agent, 1]
-        for other in range(agent + 1, agents):
-            if flying[world, other]:
-                gap = math.sqrt((position[world, other, 0] - px) ** 2 + (position[world, other, 1] - py) ** 2)
-                nearest[world, agent] = min(nearest[world, agent], gap)
-                nearest[world, other] = min(nearest[world, other], gap)
-                if gap < result[CLOSEST_AGENTS]:
-                    result[CLOSEST_AGENTS], result[AGENT_A], result[AGENT_B] = gap, agent, other
         for index in range(obstacle_count[world]):
             disc = obstacles[world, index]
             gap = math.sqrt((disc[0] - px) ** 2 + (disc[1] - py) ** 2) - disc[2]

@@ -38,6 +38,17 @@ def barrier_bound(
 
 
 @kernel
+def _harmless_m(speed: float, brake: float, clearance: float, share: float, limits: SafetyLimits) -> float:
+    """The distance [m] from which on a half-plane holds every acceleration there is: its bound is below -a_max.
+
+    With ``speed`` [m/s] at least |w|, and  stop = speed + a_max/(rho gamma) + b/gamma:  -gamma (stop + v_n) is at most
+    -a_max/rho - b, and  -b v_n/stop  at most b.
+    """
+    stop = speed + limits.max_acceleration / (share * limits.decay) + brake / limits.decay
+    return clearance + stop * stop / (2.0 * brake)
+
+
+@kernel
 def _obstacle_row(
     r_x: float, r_y: float, radius: float, vx: float, vy: float, limits: SafetyLimits
 ) -> tuple[float, float, float]:
@@ -89,24 +100,35 @@ def safety_filter(
     ``o_rel`` (M, 2): obstacle centres minus me [m], ``o_radius`` (M,) [m], first ``m`` rows.
     """
     # The rows are filled in here, from scalar helpers: handing the arrays on to another kernel would count
-    # references to each of them, which costs more than the whole filter.
-    count = m + k
-    rows = np.empty((count, 3))
+    # references to each of them, which costs more than the whole filter. What is harmless gets no row.
+    rows = np.empty((m + k, 3))
+    count = 0
+    harmless = _harmless_m(
+        math.sqrt(vx * vx + vy * vy), limits.obstacle_brake, limits.obstacle_clearance, 1.0, limits
+    )
     for i in range(m):
-        n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
-        rows[i, 0] = n_x
-        rows[i, 1] = n_y
-        rows[i, 2] = bound
+        far = harmless + o_radius[i]
+        if o_rel[i, 0] * o_rel[i, 0] + o_rel[i, 1] * o_rel[i, 1] < far * far:
+            n_x, n_y, bound = _obstacle_row(o_rel[i, 0], o_rel[i, 1], o_radius[i], vx, vy, limits)
+            rows[count, 0] = n_x
+            rows[count, 1] = n_y
+            rows[count, 2] = bound
+            count += 1
+    obstacles = count
     for j in range(k):
-        n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
-        rows[m + j, 0] = n_x
-        rows[m + j, 1] = n_y
-        rows[m + j, 2] = bound
+        speed = 0.5 * (vel[j, 0] * vel[j, 0] + vel[j, 1] * vel[j, 1] + 1.0)  # no less, and no square root
+        far = _harmless_m(speed, limits.agent_brake, limits.agent_clearance, limits.agent_share, limits)
+        if rel[j, 0] * rel[j, 0] + rel[j, 1] * rel[j, 1] < far * far:
+            n_x, n_y, bound = _agent_row(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], limits)
+            rows[count, 0] = n_x
+            rows[count, 1] = n_y
+            rows[count, 2] = bound
+            count += 1
 
     radius = limits.max_acceleration
     failed, x, y = nearest_point(count, rows, radius, ax, ay, False)
     if failed == count:
         return x, y
     # Contradicting obstacles cannot all be kept: then no row is hard.
-    hard = m if failed >= m else 0
+    hard = obstacles if failed >= obstacles else 0
     return least_violation(failed, count, hard, rows, radius, x, y)
