@@ -65,7 +65,8 @@ class PolicyNetwork(nn.Module):
         first = PAST - self.past
         nodes = self.embed(self.normal_x(observation[:, first:]))
         mean = neighbour_shares(near[:, first:PAST]).to(nodes.dtype) @ nodes[:, :-1]
-        return self.decide(nodes[:, 1:].movedim(1, 2), mean.movedim(1, 2), self.normal_local(local))
+        own, mean = (steps.movedim(1, 2).flatten(0, 1) for steps in (nodes[:, 1:], mean))
+        return self.decide(own, mean, self.normal_local(local).flatten(0, 1)).unflatten(0, local.shape[:2])
 
     def drones(self, own: Tensor, heard: Tensor, share: Tensor, local: Tensor) -> Tensor:
         """Outputs (B, size) from own X_i (B, L, 18), heard X_j (B, L, K, 18), share (B, L, K), local (B, F)."""
@@ -78,7 +79,7 @@ class PolicyNetwork(nn.Module):
         raise NotImplementedError
 
     def decide(self, own: Tensor, mean: Tensor, local: Tensor) -> Tensor:
-        """Outputs from own embeddings and the mean of the neighbours' (..., L, width), and local inputs (..., F)."""
+        """Outputs (B, size) from own embeddings and the mean of the neighbours' (B, L, width), and local inputs (B, F)."""
         raise NotImplementedError
 
 
@@ -105,7 +106,7 @@ class RscNetwork(PolicyNetwork):
         self.from_own = nn.Linear(width, width)
         self.from_neighbours = nn.Linear(width, width, bias=False)
         self.when = nn.Parameter(0.02 * torch.randn(config.past, width))
-        self.time = NewestToken(width, config.heads, config.feedforward)
+        self.time = NewestToken(config.past, width, config.heads, config.feedforward)
         self.local = nn.Sequential(
             nn.Linear(self.local_size, width),
             nn.LeakyReLU(),
@@ -129,9 +130,9 @@ class RscNetwork(PolicyNetwork):
 class NewestToken(nn.Module):
     """One transformer encoder layer, of which only the newest token is read: the others need no query of their own."""
 
-    def __init__(self, width: int, heads: int, feedforward: int) -> None:
+    def __init__(self, past: int, width: int, heads: int, feedforward: int) -> None:
         super().__init__()
-        self.heads = heads
+        self.past, self.split = past, (heads, width // heads)
         self.query, self.key, self.value, self.out = (nn.Linear(width, width) for _ in range(4))
         self.after_attention, self.after_feedforward = nn.LayerNorm(width), nn.LayerNorm(width)
         self.feedforward = nn.Sequential(
@@ -139,13 +140,13 @@ class NewestToken(nn.Module):
         )
 
     def forward(self, tokens: Tensor) -> Tensor:
-        """(..., L, width) to (..., width)."""
-        split = (self.heads, tokens.shape[-1] // self.heads)
-        newest = tokens[..., -1, :]
-        query = self.query(newest).unflatten(-1, split)
-        key, value = self.key(tokens).unflatten(-1, split), self.value(tokens).unflatten(-1, split)
-        score = (query[..., None, :, :] * key).sum(-1, keepdim=True) * split[1] ** -0.5  # (..., L, heads, 1)
-        seen = (score.softmax(-3) * value).sum(-3).flatten(-2)
+        """(B, L, width) to (B, width)."""
+        newest = tokens[:, -1]
+        # Shapes in numbers, but for B: asking tensors for theirs would put that into the model file.
+        query = self.query(newest).reshape(-1, 1, *self.split)
+        key, value = (part(tokens).reshape(-1, self.past, *self.split) for part in (self.key, self.value))
+        score = (query * key).sum(-1, keepdim=True) * self.split[1] ** -0.5  # (B, L, heads, 1)
+        seen = (score.softmax(1) * value).sum(1).reshape(-1, self.split[0] * self.split[1])
         newest = self.after_attention(newest + self.out(seen))
         return self.after_feedforward(newest + self.feedforward(newest))
 

@@ -37,7 +37,9 @@ class Plan(nn.Module):
         return (change.transpose(-1, -2) @ self.travel.T).transpose(-1, -2)
 
     def forward(self, output: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        points = output.unflatten(-1, (2, self.points))
+        # A model file's outputs are (B, size): a tensor asked for its shape would put that into the file.
+        leading = (-1,) if output.dim() == 2 else output.shape[:-1]
+        points = output.reshape(*leading, 2, self.points)
         if self.raw:
             displacement = (self.scale_m * points).transpose(-1, -2)
             nothing = (
