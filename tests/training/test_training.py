@@ -16,7 +16,7 @@ from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.dagger import mixing, train
 from rsc_swarm.training.learning import Learner
 from rsc_swarm.training.network import make_network
-from rsc_swarm.training.replay import Replay, Samples
+from rsc_swarm.training.replay import Replay, Samples, mirrored
 from rsc_swarm.training.watcher import Watcher
 from tests.training.conftest import TINY
 
@@ -54,6 +54,22 @@ def test_the_loss_falls(tiny):
     replay.add(Samples(torch.randn(36, 4, 4, 18), torch.zeros(36, 3, 4, 8), local, change))
     losses = [learner.learn(replay, lambda: None).loss for _ in range(3)]
     assert losses[2] < 0.5 * losses[0]
+
+
+@pytest.mark.parametrize(
+    "kind", [{}, {"kind": "stgnn", "output": "action", "horizon": 1}], ids=["rsc", "stgnn"]
+)
+def test_an_update_mixes_no_devices(tiny, kind):
+    """There is no GPU here: tensors without data, which know their shape and their device, stand in for one."""
+    gpu = torch.device("meta")
+    config = TrainingConfig(**{**tiny.model_dump(exclude_defaults=True), **kind})
+    network, replay = make_network(config).to(gpu), Replay(config, gpu)
+    recorded = torch.randn(9, 4, 4, 18), torch.zeros(9, 3, 4, 8), torch.randn(9, 4, 2 + WIDE_SIZE)
+    replay.add(Samples(*recorded, torch.randn(9, 4, config.horizon, 2)))
+    samples = mirrored(replay.take(torch.randint(9, (5,))), torch.ones(5, dtype=torch.bool, device=gpu))
+    planned, change, _ = network.plan(network.graphs(*samples[:3]))
+    (planned - network.plan.travelled(samples.change) + change).square().mean().backward()
+    assert all(weight.grad.device == gpu for weight in network.parameters())
 
 
 def test_the_expert_flies_less_and_less(tiny):
