@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.agents import agent_terms
+from agent.control.attraction import saturated
 from agent.control.gains import GAINS, LIMITS
 from agent.memory import Memory
 from protocols.kernels import inlined_kernel, kernel
@@ -19,11 +20,13 @@ from protocols.kernels import inlined_kernel, kernel
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
 _FAR_M = 2.0  # nearer to the slot is arriving
-# Kept from surfaces on the way around: hardly more than the safety filter keeps, so that the way in is a way out.
-_MARGIN_M = LIMITS.obstacle_clearance + 0.02
+# Kept from surfaces on the way around: room to fly in. Where there is no such way, hardly more than the safety filter keeps,
+# so that the way in is a way out.
+_WIDE_M, _TIGHT_M = LIMITS.obstacle_clearance + 0.2, LIMITS.obstacle_clearance + 0.02
 _CORNERS = 16  # of the polygon around a disc
 _SPEED_MPS = 6.0  # flown on the way around
 _GAIN = 3.0  # 1/s, on the velocity's error
+_PULL_MPS2 = 7.0  # at most: a drone that can do less than it believes must be able to brake beside it
 _START, _GOAL = 0, 1
 
 
@@ -39,12 +42,18 @@ def _touches(ax: float, ay: float, bx: float, by: float, disc_x: float, disc_y: 
 
 @inlined_kernel
 def _is_free(
-    a: int, b: int, point: NDArray[np.float64], m: int, rel: NDArray[np.float64], radius: NDArray[np.float64]
+    a: int,
+    b: int,
+    point: NDArray[np.float64],
+    m: int,
+    rel: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    margin: float,
 ) -> bool:
     """Whether one can fly straight from point a to point b. A disc whose margin holds the start or the goal is passed no nearer
     than that is."""
     for i in range(m):
-        grown = radius[i] + _MARGIN_M
+        grown = radius[i] + margin
         for end in (a, b):
             if end in (_START, _GOAL):
                 grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - 1e-3)
@@ -57,27 +66,27 @@ def _is_free(
 
 @kernel
 def next_corner(
-    goal_x: float, goal_y: float, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64]
+    goal_x: float, goal_y: float, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64], margin: float
 ) -> tuple[int, float, float]:
     """The first corner of the shortest way to the goal, all relative to me [m]: (corners on the way, x, y).
 
-    ``rel`` (M, 2): centres [m], ``radius`` (M,) [m] of the first ``m`` obstacles. 0 corners: the straight way is free, and
-    (x, y) is the goal; -1: there is no way.
+    ``rel`` (M, 2): centres [m], ``radius`` (M,) [m] of the first ``m`` obstacles, whose surfaces are passed at ``margin`` [m].
+    0 corners: the straight way is free, and (x, y) is the goal; -1: there is no way.
     """
     point = np.empty((2 + m * _CORNERS, 2))
     point[_START, 0], point[_START, 1] = 0.0, 0.0
     point[_GOAL, 0], point[_GOAL, 1] = goal_x, goal_y
-    if _is_free(_START, _GOAL, point, m, rel, radius):
+    if _is_free(_START, _GOAL, point, m, rel, radius, margin):
         return 0, goal_x, goal_y
     count = 2
     for i in range(m):
-        outer = (radius[i] + _MARGIN_M) / math.cos(math.pi / _CORNERS) + 1e-3
+        outer = (radius[i] + margin) / math.cos(math.pi / _CORNERS) + 1e-3
         for corner in range(_CORNERS):
             angle = 2.0 * math.pi * corner / _CORNERS
             x, y = rel[i, 0] + outer * math.cos(angle), rel[i, 1] + outer * math.sin(angle)
             inside = False
             for j in range(m):
-                inside |= math.hypot(x - rel[j, 0], y - rel[j, 1]) < radius[j] + _MARGIN_M
+                inside |= math.hypot(x - rel[j, 0], y - rel[j, 1]) < radius[j] + margin
             if not inside:
                 point[count, 0], point[count, 1] = x, y
                 count += 1
@@ -98,7 +107,7 @@ def next_corner(
         for i in range(count):
             if not closed[i]:
                 length = way[here] + math.hypot(point[i, 0] - point[here, 0], point[i, 1] - point[here, 1])
-                if length < way[i] and _is_free(here, i, point, m, rel, radius):
+                if length < way[i] and _is_free(here, i, point, m, rel, radius, margin):
                     way[i], before[i] = length, here
     corners, first = 0, _GOAL
     while before[first] != _START:
@@ -116,13 +125,14 @@ def leave_pocket(
     ``error`` (2,): slot target minus own position [m]; ``v`` (2,): own velocity [m/s].
     """
     if memory.stalled[row] < STALLED_TICKS:
-        far = math.hypot(error[0], error[1])
+        far = math.sqrt(error[0] * error[0] + error[1] * error[1])
         closes = v[0] * error[0] + v[1] * error[1] > _CLOSING_MPS * far
         memory.stalled[row] = 0 if closes or far < _FAR_M else memory.stalled[row] + 1
         return a_x, a_y
-    corners, x, y = next_corner(
-        error[0], error[1], memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
-    )
+    m, rel, radius = memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
+    corners, x, y = next_corner(error[0], error[1], m, rel, radius, _WIDE_M)
+    if corners < 0:
+        corners, x, y = next_corner(error[0], error[1], m, rel, radius, _TIGHT_M)
     if corners <= 0:
         memory.stalled[row] = 0
         return a_x, a_y
@@ -131,4 +141,7 @@ def leave_pocket(
     apart_x, apart_y = agent_terms(
         memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, GAINS
     )
-    return _GAIN * (_SPEED_MPS * u_x - v[0]) + apart_x, _GAIN * (_SPEED_MPS * u_y - v[1]) + apart_y
+    pull_x, pull_y = saturated(
+        _GAIN * (_SPEED_MPS * u_x - v[0]), _GAIN * (_SPEED_MPS * u_y - v[1]), _PULL_MPS2
+    )
+    return pull_x + apart_x, pull_y + apart_y

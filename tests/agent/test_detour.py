@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agent.control.detour import STALLED_TICKS, leave_pocket, next_corner
-from agent.memory import empty_memory
+from agent.memory import Memory, empty_memory
 from protocols.mission import parse_mission
 from rsc_swarm.simulate import simulate
 
@@ -20,9 +20,20 @@ CUP = [
 
 
 def way(goal: tuple[float, float], *discs: tuple[float, float, float]) -> tuple[int, float, float]:
-    """The next corner of the way from (0, 0)."""
+    """The next corner of the way from (0, 0), 0.62 m from all surfaces."""
     table = np.array(discs, float).reshape(-1, 3)
-    return next_corner(*goal, len(table), table[:, :2].copy(), table[:, 2].copy())
+    return next_corner(*goal, len(table), table[:, :2].copy(), table[:, 2].copy(), 0.62)
+
+
+def stopped(*discs: tuple[float, float, float]) -> Memory:
+    """What a drone at (0, 0) knows that has just been stopped by these."""
+    memory = empty_memory(1, 3)
+    memory.disc_count[0] = len(discs)
+    for index, (x, y, radius) in enumerate(discs):
+        memory.obstacle_rel[0, index] = x, y
+        memory.obstacle_radius[0, index] = radius
+    memory.stalled[0] = STALLED_TICKS
+    return memory
 
 
 def test_where_nothing_is_in_the_way_the_goal_is_next() -> None:
@@ -58,12 +69,27 @@ def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None
     assert way((5.0, 0.0), (5.0, 0.5, 1.5))[0] == 0
 
 
+def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
+    wall = [(5.0, 1.65, 1.0), (5.0, -1.65, 1.0), (5.0, -3.5, 1.0), (5.0, -5.5, 1.0)]  # a gap of 1.3 m ahead
+    error, still = np.array([10.0, 0.0]), np.zeros(2)
+    _, aside = leave_pocket(0.0, 0.0, 0, error, still, stopped(*wall))
+    assert aside > 1.0, "around the end of the wall"
+    angles = np.linspace(0.39, 2 * math.pi - 0.39, 12)
+    ring = [
+        (4.33 * math.cos(angle), 4.33 * math.sin(angle), 1.0) for angle in angles
+    ]  # the same gap, and no other
+    ahead, _ = leave_pocket(0.0, 0.0, 0, np.array([10.0, 4.0]), still, stopped(*ring))
+    assert ahead > 1.0, "through the gap"
+
+
+def test_a_detour_leaves_a_weak_drone_room_to_brake() -> None:
+    pull = leave_pocket(0.0, 0.0, 0, np.array([12.0, 0.0]), np.array([-2.0, 3.0]), stopped(*CUP))
+    assert math.hypot(*pull) <= 7.0 + 1e-9
+
+
 def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
-    memory = empty_memory(1, 3)
-    memory.disc_count[0] = len(CUP)
-    for index, (x, y, radius) in enumerate(CUP):
-        memory.obstacle_rel[0, index] = x, y
-        memory.obstacle_radius[0, index] = radius
+    memory = stopped(*CUP)
+    memory.stalled[0] = 0
     error, still, quick = np.array([12.0, 0.0]), np.zeros(2), np.array([3.0, 0.0])
     for _ in range(STALLED_TICKS):
         assert leave_pocket(1.0, 2.0, 0, error, still, memory) == (1.0, 2.0)
