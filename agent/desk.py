@@ -11,7 +11,7 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
-from agent.control.gains import SafetyLimits
+from agent.control.gains import SafetyLimits, limits_for
 from agent.memory import Memory
 from protocols import trigger
 from protocols.formation import NO_PARENT
@@ -142,7 +142,7 @@ def rules_of(mission: Mission) -> Rules:
         range_m=mission.radio.range_m,
         reach_m=mission.sensing.range_m,
         margin_m=mission.swap.margin_m,
-        limits=SafetyLimits(max_acceleration=mission.limits.acceleration_mps2),
+        limits=limits_for(mission.limits.acceleration_mps2),
     )
 
 

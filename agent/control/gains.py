@@ -69,3 +69,14 @@ REACTIVE = GAINS._replace(
     chain_pull=0.0, chain_damping=0.0
 )  # what is left for the moment: slot, obstacles, agents
 LIMITS = SafetyLimits()
+
+
+def limits_for(max_acceleration: float) -> SafetyLimits:
+    """The limits of drones that accelerate by at most so much [m/s²]: all that is counted on changes with it."""
+    share = max_acceleration / LIMITS.max_acceleration
+    return LIMITS._replace(
+        max_acceleration=max_acceleration,
+        agent_brake=share * LIMITS.agent_brake,
+        obstacle_brake=share * LIMITS.obstacle_brake,
+        row_limit=share * LIMITS.row_limit,
+    )

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.control.gains import LIMITS
+from agent.control.gains import LIMITS, limits_for
 from agent.control.halfplanes import least_violation, nearest_point
 from agent.control.safety import barrier_bound, safety_filter
 
@@ -46,6 +46,11 @@ def test_a_command_beyond_the_limit_is_shortened_not_turned():
 def test_flying_away_is_never_hindered():
     near = neighbours((-0.8, 0.0, -1.0, 0.0))
     assert safety_filter(9.0, 0.0, 2.0, 0.0, *near, *discs((-1.8, 0.0, 1.0)), LIMITS) == (9.0, 0.0)
+
+
+def test_limits_are_those_of_the_mission():
+    assert limits_for(10.0) == LIMITS
+    assert limits_for(5.0).obstacle_brake == LIMITS.obstacle_brake / 2
 
 
 # --- what it asks for --------------------------------------------------------------------------------------
@@ -161,7 +166,9 @@ def test_the_same_situation_gets_the_same_bits():
 # --- hostile commands --------------------------------------------------------------------------------------
 
 
-def test_full_throttle_at_a_disc_stops_before_contact():
+@pytest.mark.parametrize(("believed", "real"), [(10.0, 10.0), (5.0, 5.0), (3.0, 3.0), (10.0, 5.0)])
+def test_full_throttle_at_a_disc_stops_before_contact(believed, real):
+    """Also drones that can do less, and know it or not."""
     p, v = np.array([0.0, 0.05]), np.zeros(2)
     least = math.inf
     for _ in range(800):
@@ -169,10 +176,11 @@ def test_full_throttle_at_a_disc_stops_before_contact():
         wish = 10.0 * towards / np.hypot(*towards)
         o_rel = np.array([[12.0, 0.0]]) - p
         seen = int(np.hypot(*o_rel[0]) - 1.5 < 6.0)
-        a = np.array(safety_filter(*wish, *v, *NOBODY, seen, o_rel, np.array([1.5]), LIMITS))
+        a = np.array(safety_filter(*wish, *v, *NOBODY, seen, o_rel, np.array([1.5]), limits_for(believed)))
+        a *= min(1.0, real / max(np.hypot(*a), 1e-9))
         p += DT / 2 * (v + v + a * DT)
         v += a * DT
-        v *= min(1.0, 10.0 / max(np.hypot(*v), 1e-9))
+        v *= min(1.0, real / max(np.hypot(*v), 1e-9))
         least = min(least, np.hypot(12.0 - p[0], p[1]) - 1.5)
     assert 0.5 < least < 0.7
 
