@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.agents import agent_terms
-from agent.control.attraction import saturated
 from agent.control.gains import GAINS, LIMITS
 from agent.memory import Memory
 from protocols.kernels import inlined_kernel, kernel
@@ -20,13 +19,12 @@ from protocols.kernels import inlined_kernel, kernel
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
 _FAR_M = 2.0  # nearer to the slot is arriving
-# Kept from surfaces on the way around: room to fly in. Where there is no such way, hardly more than the safety filter keeps,
-# so that the way in is a way out.
+# Kept from surfaces on the way around: room to fly in, also for a drone that can do less than it believes. Where there is no
+# such way, hardly more than the safety filter keeps, so that the way in is a way out.
 _WIDE_M, _TIGHT_M = LIMITS.obstacle_clearance + 0.2, LIMITS.obstacle_clearance + 0.02
 _CORNERS = 16  # of the polygon around a disc
 _SPEED_MPS = 6.0  # flown on the way around
 _GAIN = 3.0  # 1/s, on the velocity's error
-_PULL_MPS2 = 7.0  # at most: a drone that can do less than it believes must be able to brake beside it
 _START, _GOAL = 0, 1
 
 
@@ -141,7 +139,4 @@ def leave_pocket(
     apart_x, apart_y = agent_terms(
         memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, GAINS
     )
-    pull_x, pull_y = saturated(
-        _GAIN * (_SPEED_MPS * u_x - v[0]), _GAIN * (_SPEED_MPS * u_y - v[1]), _PULL_MPS2
-    )
-    return pull_x + apart_x, pull_y + apart_y
+    return _GAIN * (_SPEED_MPS * u_x - v[0]) + apart_x, _GAIN * (_SPEED_MPS * u_y - v[1]) + apart_y

@@ -82,11 +82,6 @@ def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
     assert ahead > 1.0, "through the gap"
 
 
-def test_a_detour_leaves_a_weak_drone_room_to_brake() -> None:
-    pull = leave_pocket(0.0, 0.0, 0, np.array([12.0, 0.0]), np.array([-2.0, 3.0]), stopped(*CUP))
-    assert math.hypot(*pull) <= 7.0 + 1e-9
-
-
 def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
     memory = stopped(*CUP)
     memory.stalled[0] = 0
