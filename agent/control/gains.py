@@ -57,9 +57,7 @@ class SafetyLimits(NamedTuple):
     agent_brake: float = 12.0  #: m/s², braking assumed of a pair of agents together
     agent_clearance: float = 0.65  #: m, centre to centre
     agent_share: float = 0.75  #: of a pair's burden taken by each; over half, as one may be held by a wall
-    obstacle_brake: float = (
-        4.0  #: m/s², braking assumed before an obstacle: a drone with half its limits still has it
-    )
+    obstacle_brake: float = 4.0  #: m/s², braking assumed before an obstacle; a drone at half strength has it
     obstacle_clearance: float = 0.6  #: m from the surface
     row_limit: float = 9.0  #: m/s², no single row asks for more than this
 

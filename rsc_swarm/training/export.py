@@ -68,7 +68,7 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
             dynamo=False,
         )
     document = onnx.load(unfinished)
-    for output in document.graph.output:  # the exporter does not see these through
+    for output in document.graph.output:  # the exporter cannot tell all their sizes
         _, steps, axes = output.type.tensor_type.shape.dim
         steps.dim_value, axes.dim_value = config.horizon, 2
     onnx.helper.set_model_props(document, metadata(config))
