@@ -17,6 +17,7 @@ class Memory(NamedTuple):
     known here, last heard each drone. hops, rel: multi-hop relative positions (protocols.relative).
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
     and the side on which each is being passed. stalled: (A,) ticks for which the drone has not come nearer to its slot.
+    way: (A, 3) next corner of its detour [m] and how many are left (agent.control.detour).
     obstacle_rel: disc centres relative to the drone now.
     """
 
@@ -38,6 +39,7 @@ class Memory(NamedTuple):
     disc: NDArray[np.float64]
     disc_side: NDArray[np.int8]
     stalled: NDArray[np.int64]
+    way: NDArray[np.float64]
     obstacle_rel: NDArray[np.float64]
     obstacle_radius: NDArray[np.float64]
 
@@ -63,6 +65,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
         disc=np.zeros((rows, MAX_OBSTACLES, 3)),
         disc_side=np.zeros((rows, MAX_OBSTACLES), np.int8),
         stalled=np.zeros(rows, np.int64),
+        way=np.zeros((rows, 3)),
         obstacle_rel=np.zeros((rows, MAX_OBSTACLES, 2)),
         obstacle_radius=np.zeros((rows, MAX_OBSTACLES)),
     )

@@ -200,7 +200,7 @@ def _decentralized(
             obstacle_rel, radius, side, field.following,
         )  # fmt: skip
     if rules.detour:
-        ax, ay = leave_pocket(ax, ay, row, work.slot_error[row], motion[2:4], memory)
+        ax, ay = leave_pocket(ax, ay, row, work.slot_error[row], motion, memory)
     if rules.filtered:
         ax, ay = safety_filter(
             ax, ay, motion[2], motion[3], memory.near_count[row], near_rel, near_vel, memory.disc_count[row], obstacle_rel,

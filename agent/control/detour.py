@@ -2,8 +2,8 @@
 
 Every reactive rule has pockets, places between obstacles where all its pushes and pulls cancel, and a policy that imitates one
 has them too. So whoever has not come nearer to its slot for a while, and has obstacles in the way, plans instead: obstacles
-grown by a margin become polygons, and the shortest way along their corners to the slot (A*) tells where to go next. That ends
-as soon as the straight way is free.
+grown by a margin become polygons, and the shortest way along their corners to the slot (A*) tells where to go next. Once around
+them it flies straight on, faster than its policy would, until it has all but caught up with its slot.
 """
 
 import math
@@ -23,7 +23,10 @@ _FAR_M = 2.0  # nearer to the slot is arriving
 # such way, hardly more than the safety filter keeps, so that the way in is a way out.
 _WIDE_M, _TIGHT_M = LIMITS.obstacle_clearance + 0.2, LIMITS.obstacle_clearance + 0.02
 _CORNERS = 16  # of the polygon around a disc
-_SPEED_MPS = 6.0  # flown on the way around
+_PLAN_TICKS = 10  # from plan to plan; where the obstacles are hardly changes
+_REACHED_M = 0.6  # nearer to a corner the next one is looked for
+_HOME_M = 4.0  # from here on, with nothing in the way, a drone is left to itself again
+_AROUND_MPS, _HOME_MPS = 6.0, 8.0  # flown on the way around, and then
 _GAIN = 3.0  # 1/s, on the velocity's error
 _START, _GOAL = 0, 1
 
@@ -116,27 +119,37 @@ def next_corner(
 
 @inlined_kernel
 def leave_pocket(
-    a_x: float, a_y: float, row: int, error: NDArray[np.float64], v: NDArray[np.float64], memory: Memory
+    a_x: float, a_y: float, row: int, error: NDArray[np.float64], motion: NDArray[np.float64], memory: Memory
 ) -> tuple[float, float]:
-    """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` up to date.
+    """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``.
 
-    ``error`` (2,): slot target minus own position [m]; ``v`` (2,): own velocity [m/s].
+    ``error`` (2,): slot target minus own position [m]; ``motion`` (4,): own position [m] and velocity [m/s].
     """
-    if memory.stalled[row] < STALLED_TICKS:
-        far = math.sqrt(error[0] * error[0] + error[1] * error[1])
-        closes = v[0] * error[0] + v[1] * error[1] > _CLOSING_MPS * far
+    v_x, v_y = motion[2], motion[3]
+    far = math.sqrt(error[0] * error[0] + error[1] * error[1])
+    on_detour = memory.stalled[row] - STALLED_TICKS
+    if on_detour < 0:
+        closes = v_x * error[0] + v_y * error[1] > _CLOSING_MPS * far
         memory.stalled[row] = 0 if closes or far < _FAR_M else memory.stalled[row] + 1
         return a_x, a_y
-    m, rel, radius = memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
-    corners, x, y = next_corner(error[0], error[1], m, rel, radius, _WIDE_M)
-    if corners < 0:
-        corners, x, y = next_corner(error[0], error[1], m, rel, radius, _TIGHT_M)
-    if corners <= 0:
+    way = memory.way[row]
+    x, y = way[0] - motion[0], way[1] - motion[1]
+    if on_detour % _PLAN_TICKS == 0 or (way[2] > 0.0 and x * x + y * y < _REACHED_M * _REACHED_M):
+        m, rel, radius = memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
+        corners, x, y = next_corner(error[0], error[1], m, rel, radius, _WIDE_M)
+        if corners < 0:
+            corners, x, y = next_corner(error[0], error[1], m, rel, radius, _TIGHT_M)
+        way[0], way[1], way[2] = motion[0] + x, motion[1] + y, corners
+    if way[2] < 0.0 or (way[2] == 0.0 and (far < _HOME_M or on_detour == 0)):
         memory.stalled[row] = 0
         return a_x, a_y
-    length = max(math.hypot(x, y), 1e-9)
+    memory.stalled[row] += 1
+    speed = _AROUND_MPS
+    if way[2] == 0.0:
+        x, y, speed = error[0], error[1], _HOME_MPS  # the slot moves
+    length = max(math.sqrt(x * x + y * y), 1e-9)
     u_x, u_y = x / length, y / length
     apart_x, apart_y = agent_terms(
         memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, GAINS
     )
-    return _GAIN * (_SPEED_MPS * u_x - v[0]) + apart_x, _GAIN * (_SPEED_MPS * u_y - v[1]) + apart_y
+    return _GAIN * (speed * u_x - v_x) + apart_x, _GAIN * (speed * u_y - v_y) + apart_y

@@ -69,31 +69,48 @@ def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None
     assert way((5.0, 0.0), (5.0, 0.5, 1.5))[0] == 0
 
 
+STILL = np.zeros(4)  # at (0, 0), not moving
+
+
 def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
     wall = [(5.0, 1.65, 1.0), (5.0, -1.65, 1.0), (5.0, -3.5, 1.0), (5.0, -5.5, 1.0)]  # a gap of 1.3 m ahead
-    error, still = np.array([10.0, 0.0]), np.zeros(2)
-    _, aside = leave_pocket(0.0, 0.0, 0, error, still, stopped(*wall))
+    _, aside = leave_pocket(0.0, 0.0, 0, np.array([10.0, 0.0]), STILL, stopped(*wall))
     assert aside > 1.0, "around the end of the wall"
     angles = np.linspace(0.39, 2 * math.pi - 0.39, 12)
     ring = [
         (4.33 * math.cos(angle), 4.33 * math.sin(angle), 1.0) for angle in angles
     ]  # the same gap, and no other
-    ahead, _ = leave_pocket(0.0, 0.0, 0, np.array([10.0, 4.0]), still, stopped(*ring))
+    ahead, _ = leave_pocket(0.0, 0.0, 0, np.array([10.0, 4.0]), STILL, stopped(*ring))
     assert ahead > 1.0, "through the gap"
 
 
 def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
     memory = stopped(*CUP)
     memory.stalled[0] = 0
-    error, still, quick = np.array([12.0, 0.0]), np.zeros(2), np.array([3.0, 0.0])
+    error, quick = np.array([12.0, 0.0]), np.array([0.0, 0.0, 3.0, 0.0])
     for _ in range(STALLED_TICKS):
-        assert leave_pocket(1.0, 2.0, 0, error, still, memory) == (1.0, 2.0)
-    assert leave_pocket(1.0, 2.0, 0, error, still, memory) != (1.0, 2.0)
-    memory.disc_count[0] = 0  # now the straight way is free
-    assert leave_pocket(1.0, 2.0, 0, error, still, memory) == (1.0, 2.0)
-    assert memory.stalled[0] == 0
+        assert leave_pocket(1.0, 2.0, 0, error, STILL, memory) == (1.0, 2.0)
+    assert leave_pocket(1.0, 2.0, 0, error, STILL, memory) != (1.0, 2.0)
+    memory.stalled[0] = 0
     for _ in range(3 * STALLED_TICKS):
         assert leave_pocket(1.0, 2.0, 0, error, quick, memory) == (1.0, 2.0)
+
+
+def test_who_is_stopped_by_nothing_keeps_its_own_plan() -> None:
+    memory = stopped()
+    for _ in range(3 * STALLED_TICKS):
+        assert leave_pocket(1.0, 2.0, 0, np.array([12.0, 0.0]), STILL, memory) == (1.0, 2.0)
+
+
+def test_a_detour_ends_where_the_slot_is_caught_up_with() -> None:
+    memory = stopped(*CUP)
+    leave_pocket(0.0, 0.0, 0, np.array([12.0, 0.0]), STILL, memory)
+    memory.disc_count[0] = 0  # now the straight way is free
+    for _ in range(20):
+        _, up = leave_pocket(0.0, 0.0, 0, np.array([0.0, 12.0]), STILL, memory)
+    assert up > 10.0, "straight to the slot, wherever that is by now"
+    assert leave_pocket(1.0, 2.0, 0, np.array([0.0, 3.0]), STILL, memory) == (1.0, 2.0)
+    assert memory.stalled[0] == 0
 
 
 @pytest.mark.parametrize("detour", [True, False])
