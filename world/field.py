@@ -1,5 +1,7 @@
 """The field of a flight: obstacles from the map seed, starting places and slots from the start seed."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,15 +52,16 @@ def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.f
     """
     draw = _generator(mission.seed, _START)
     places = np.empty((mission.agents, 2))
+    taken: list[list[float]] = obstacles.tolist()
     for agent, pad in enumerate(mission.plan.offsets):
         for _ in range(_TRIES):
             radius = mission.start.radius_m * np.sqrt(draw.uniform())
             angle = draw.uniform(0, 2 * np.pi)
             place = pad + radius * np.array([np.cos(angle), np.sin(angle)])
-            from_agents = np.linalg.norm(places[:agent] - place, axis=1)
-            from_obstacles = np.linalg.norm(obstacles[:, :2] - place, axis=1) - obstacles[:, 2]
-            if np.all(from_agents >= mission.start.gap_m) and np.all(from_obstacles >= mission.start.gap_m):
+            x, y = place.tolist()
+            if _is_clear(x, y, taken, mission.start.gap_m):
                 places[agent] = place
+                taken.append([x, y, 0.0])
                 break
         else:
             raise FieldError(
@@ -66,3 +69,8 @@ def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.f
                 f"widen it, lower start.gap_m ({mission.start.gap_m:g} m) or move the obstacles"
             )
     return places
+
+
+def _is_clear(x: float, y: float, taken: list[list[float]], gap: float) -> bool:
+    """Whether a place is so far [m] from every disc (x, y, radius)."""
+    return all(math.sqrt((x - a) * (x - a) + (y - b) * (y - b)) - radius >= gap for a, b, radius in taken)

@@ -76,27 +76,31 @@ def sense_world(
 ) -> None:
     """What every flying drone of one world senses, arguments as `sense`; ``target_x``: the virtual target [m]."""
     agents = flying.shape[1]
+    first, limit = world * agents, sensed.near.shape[1]
+    for row in range(first, first + agents):
+        sensed.near_count[row] = 0
     for agent in range(agents):
         if not flying[world, agent]:
             continue
-        row = world * agents + agent
+        row = first + agent
         px, py = position[world, agent, 0], position[world, agent, 1]
         vx, vy = velocity[world, agent, 0], velocity[world, agent, 1]
         motion = sensed.motion[row]
         motion[0], motion[1], motion[2], motion[3] = px, py, vx, vy
         motion[4], motion[5], motion[6], motion[7] = target_x, 0.0, target_speed, 0.0
-        count = 0
-        if neighbours_sensed:
-            for other in range(agents):
-                dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
-                if dx * dx + dy * dy <= reach * reach and other != agent and flying[world, other]:
-                    if count == sensed.near.shape[1]:
-                        break
-                    near = sensed.near[row, count]
-                    near[0], near[1], near[2] = other, dx, dy
-                    near[3], near[4] = velocity[world, other, 0] - vx, velocity[world, other, 1] - vy
-                    count += 1
-        sensed.near_count[row] = count
+        for other in range(agent + 1 if neighbours_sensed else agents, agents):  # each pair once, for both
+            dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
+            if dx * dx + dy * dy <= reach * reach and flying[world, other]:
+                wx, wy = velocity[world, other, 0] - vx, velocity[world, other, 1] - vy
+                mine, theirs = sensed.near_count[row], sensed.near_count[first + other]
+                if mine < limit:
+                    near = sensed.near[row, mine]
+                    near[0], near[1], near[2], near[3], near[4] = other, dx, dy, wx, wy
+                    sensed.near_count[row] = mine + 1
+                if theirs < limit:
+                    near = sensed.near[first + other, theirs]
+                    near[0], near[1], near[2], near[3], near[4] = agent, -dx, -dy, -wx, -wy
+                    sensed.near_count[first + other] = theirs + 1
         count = 0
         for index in range(obstacle_count[world]):
             dx, dy = obstacles[world, index, 0] - px, obstacles[world, index, 1] - py
