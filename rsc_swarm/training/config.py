@@ -58,6 +58,9 @@ class TrainingConfig(BaseModel):
     hard_share: Probability = Field(
         0.65, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
     )
+    detour_share: Probability = Field(
+        0.5, description="share of epochs flown with detours; without, it learns what to do where it stops"
+    )
     worlds: Count = Field(64, description="episodes flown in step")
     rounds: Count = Field(150, description="plans per epoch and world; each gives one graph of N samples")
     mixing: tuple[Probability, Probability] = Field(
@@ -71,15 +74,20 @@ class TrainingConfig(BaseModel):
     updates: Count = Field(480, description="per epoch")
     replay: Count = Field(200_000, description="graphs that are kept; the oldest go first")
     batch: Count = Field(40, description="graphs per update")
-    learning_rate: Positive = 1e-3
+    learning_rate: Positive = 5e-4
     cosine: bool = Field(True, description="the learning rate falls to zero as a cosine")
-    weight_decay: NotNegative = 0.0
+    weight_decay: NotNegative = Field(0.05, description="l2, apart from the gradient (AdamW)")
     averaging: Annotated[float, Field(ge=0, lt=1)] = Field(0.999, description="decay of the averaged weights")
     mirror: bool = Field(
         True, description="half of all graphs are learned as seen in a mirror along the motion"
     )
     position_weight: NotNegative = 1.0
     velocity_weight: NotNegative = 1.0
+    outlier_mps2: Positive | None = Field(
+        0.5,
+        description="errors beyond this count by their size instead of its square (Huber); none: all by squares",
+    )
+    clip: Positive = Field(1.0, description="longest gradient; a longer one is shortened to it")
     bfloat16: bool = Field(True, description="multiply in bfloat16 where the processor can")
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
 
@@ -140,6 +148,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         "cosine": False,
         "hard_share": 0.0,
         "velocity_weight": 0.0,
+        "weight_decay": 0.0,
+        "outlier_mps2": None,
     },
     "stgnn": {"kind": "stgnn", "horizon": 1, "output": "action", "width": 256},
 }

@@ -34,14 +34,14 @@ class Flown:
     mae_constant_velocity_m: float = 0.0
 
 
-def training_mission(config: TrainingConfig, rng: np.random.Generator) -> Mission:
+def training_mission(config: TrainingConfig, rng: np.random.Generator, detour: bool) -> Mission:
     """A mission on a map that no test uses, from a start of its own."""
     return Mission(
         name="training",
         agents=config.agents,
         obstacles=_HARD if rng.random() < config.hard_share else _PLAIN,
         trajectory=Trajectory(tracking="required" if config.output == "raw" else "smooth"),
-        detour=False,  # so that the policy learns what to do where it stops
+        detour=detour,
         map_seed=int(rng.integers(*TRAINING_MAPS)),
         seed=int(rng.integers(2**32)),
     )
@@ -56,7 +56,8 @@ def fly(
     each_round: Callable[[], None],
 ) -> Flown:
     """Fly one epoch's rounds and add all graphs to the replay. ``mixing``: the share of plans that the expert flies."""
-    batch = Batch([training_mission(config, rng) for _ in range(config.worlds)])
+    detour = bool(rng.random() < config.detour_share)
+    batch = Batch([training_mission(config, rng, detour) for _ in range(config.worlds)])
     flown, errors, moved = Flown(), [], []
     for _ in range(config.rounds):
         displacement, change = batch.label(config.horizon)
@@ -76,7 +77,7 @@ def fly(
             flown.episodes += 1
             flown.succeeded += int(batch.result[world] == SUCCEEDED)
             flown.collided += int(batch.result[world] == COLLIDED)
-            batch.restart(int(world), training_mission(config, rng))
+            batch.restart(int(world), training_mission(config, rng, detour))
         each_round()
     flown.mae_m = float(np.mean(errors)) if errors else None
     flown.mae_constant_velocity_m = float(np.mean(moved))

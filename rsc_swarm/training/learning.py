@@ -53,6 +53,7 @@ class Learner:
             loss, error = self._errors(samples)
             self._optimizer.zero_grad()
             loss.backward()
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.clip)
             for group in self._optimizer.param_groups:
                 group["lr"] = self._rate()
             self._optimizer.step()
@@ -65,18 +66,16 @@ class Learner:
         return Learned(loss_mean, error_mean, self._rate())
 
     def _errors(self, samples: Samples) -> tuple[Tensor, Tensor]:
-        """((dr) / (T²/3))² + ((dv) / T)², weighted, and the mean |dr| [m] over samples, steps and axes."""
+        """The loss of (dr) / (T²/3) and (dv) / T [m/s²], weighted, and the mean |dr| [m] over samples, steps and axes."""
         plan, config = self.network.plan, self.config
         with torch.autocast(self._device.type, torch.bfloat16, enabled=self._half):
             output = self.network.graphs(*samples[:3])
         displacement, change, _ = plan(output.float())
         off = displacement - plan.travelled(samples.change)
-        loss = config.position_weight * (off / plan.scale_m).square().mean()
+        loss = config.position_weight * penalty(off / plan.scale_m, config.outlier_mps2)
         if config.velocity_weight:
-            loss = (
-                loss
-                + config.velocity_weight * ((change - samples.change) / config.duration_s).square().mean()
-            )
+            off_speed = (change - samples.change) / config.duration_s
+            loss = loss + config.velocity_weight * penalty(off_speed, config.outlier_mps2)
         return loss, off.detach().abs().mean()
 
     def _rate(self) -> float:
@@ -112,6 +111,13 @@ class Learner:
         self.network.load_state_dict(state["network"])
         self.average.load_state_dict(state["average"])
         self._optimizer.load_state_dict(state["optimizer"])
+
+
+def penalty(error: Tensor, limit: float | None) -> Tensor:
+    """Mean square of errors; beyond ``limit`` along the tangent, so that few wild states do not decide everything (Huber)."""
+    if limit is None:
+        return error.square().mean()
+    return 2 * torch.nn.functional.huber_loss(error, torch.zeros_like(error), delta=limit)
 
 
 def _multiplies_bfloat16(device: torch.device) -> bool:

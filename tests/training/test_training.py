@@ -14,7 +14,7 @@ from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.dagger import mixing, train
-from rsc_swarm.training.learning import Learner
+from rsc_swarm.training.learning import Learner, penalty
 from rsc_swarm.training.network import make_network
 from rsc_swarm.training.replay import Replay, Samples, mirrored
 from rsc_swarm.training.watcher import Watcher
@@ -54,6 +54,12 @@ def test_the_loss_falls(tiny):
     replay.add(Samples(torch.randn(36, 4, 4, 18), torch.zeros(36, 3, 4, 8), local, change))
     losses = [learner.learn(replay, lambda: None).loss for _ in range(3)]
     assert losses[2] < 0.5 * losses[0]
+
+
+def test_a_wild_state_counts_by_its_error_and_not_by_the_square():
+    assert penalty(torch.tensor([0.1, -0.3]), 0.5) == pytest.approx((0.01 + 0.09) / 2)
+    assert penalty(torch.tensor([-10.0]), 0.5) == pytest.approx(2 * 0.5 * 10 - 0.25)
+    assert penalty(torch.tensor([-10.0]), None) == pytest.approx(100)
 
 
 @pytest.mark.parametrize(
