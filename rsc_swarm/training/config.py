@@ -147,6 +147,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "learning_rate": 3e-4,
         "cosine": False,
         "hard_share": 0.0,
+        "detour_share": 0.0,
         "velocity_weight": 0.0,
         "weight_decay": 0.0,
         "outlier_mps2": None,
