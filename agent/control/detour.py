@@ -27,6 +27,7 @@ _PLAN_TICKS = 10  # from plan to plan; where the obstacles are hardly changes
 _REACHED_M = 0.6  # nearer to a corner the next one is looked for
 _HOME_M = 4.0  # from here on, with nothing in the way, a drone is left to itself again
 _AROUND_MPS, _HOME_MPS = 6.0, 8.0  # flown on the way around, and then
+_CATCH_UP_MPS = 2.0  # by so much at least it is faster than its slot then
 _GAIN = 3.0  # 1/s, on the velocity's error
 _START, _GOAL = 0, 1
 
@@ -123,7 +124,7 @@ def leave_pocket(
 ) -> tuple[float, float]:
     """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``.
 
-    ``error`` (2,): slot target minus own position [m]; ``motion`` (4,): own position [m] and velocity [m/s].
+    ``error`` (2,): slot target minus own position [m]; ``motion`` (8,): as protocols.sensed has it.
     """
     v_x, v_y = motion[2], motion[3]
     far = math.sqrt(error[0] * error[0] + error[1] * error[1])
@@ -146,7 +147,8 @@ def leave_pocket(
     memory.stalled[row] += 1
     speed = _AROUND_MPS
     if way[2] == 0.0:
-        x, y, speed = error[0], error[1], _HOME_MPS  # the slot moves
+        x, y = error[0], error[1]  # the slot moves
+        speed = max(_HOME_MPS, math.sqrt(motion[6] * motion[6] + motion[7] * motion[7]) + _CATCH_UP_MPS)
     length = max(math.sqrt(x * x + y * y), 1e-9)
     u_x, u_y = x / length, y / length
     apart_x, apart_y = agent_terms(

@@ -69,7 +69,7 @@ def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None
     assert way((5.0, 0.0), (5.0, 0.5, 1.5))[0] == 0
 
 
-STILL = np.zeros(4)  # at (0, 0), not moving
+STILL = np.zeros(8)  # at (0, 0), not moving, nor is the target
 
 
 def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
@@ -87,7 +87,7 @@ def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
 def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
     memory = stopped(*CUP)
     memory.stalled[0] = 0
-    error, quick = np.array([12.0, 0.0]), np.array([0.0, 0.0, 3.0, 0.0])
+    error, quick = np.array([12.0, 0.0]), np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     for _ in range(STALLED_TICKS):
         assert leave_pocket(1.0, 2.0, 0, error, STILL, memory) == (1.0, 2.0)
     assert leave_pocket(1.0, 2.0, 0, error, STILL, memory) != (1.0, 2.0)
@@ -111,6 +111,16 @@ def test_a_detour_ends_where_the_slot_is_caught_up_with() -> None:
     assert up > 10.0, "straight to the slot, wherever that is by now"
     assert leave_pocket(1.0, 2.0, 0, np.array([0.0, 3.0]), STILL, memory) == (1.0, 2.0)
     assert memory.stalled[0] == 0
+
+
+def test_the_way_home_is_flown_faster_than_the_slot_moves() -> None:
+    memory = stopped(*CUP)
+    slot = np.array([0.0, 12.0])
+    leave_pocket(0.0, 0.0, 0, slot, STILL, memory)
+    memory.disc_count[0] = 0
+    for _ in range(20):
+        _, up = leave_pocket(0.0, 0.0, 0, slot, np.array([0, 0, 0, 9.0, 0, 0, 0, 9.0]), memory)
+    assert up > 1.0
 
 
 @pytest.mark.parametrize("detour", [True, False])
