@@ -17,6 +17,7 @@ CUP = [
     (3.0, -3.0, 1.5),
     (1.0, 3.6, 1.0),
 ]  # open to the left
+STILL = np.zeros(8)  # at (0, 0), not moving, nor is the target
 
 
 def way(goal: tuple[float, float], *discs: tuple[float, float, float]) -> tuple[int, float, float]:
@@ -33,6 +34,14 @@ def stopped(*discs: tuple[float, float, float]) -> Memory:
         memory.obstacle_rel[0, index] = x, y
         memory.obstacle_radius[0, index] = radius
     memory.stalled[0] = STALLED_TICKS
+    return memory
+
+
+def out_of_the_cup() -> Memory:
+    """What a drone at (0, 0) knows that was led out of the cup; nothing is in its way any more."""
+    memory = stopped(*CUP)
+    leave_pocket(0.0, 0.0, 0, np.array([12.0, 0.0]), STILL, memory)
+    memory.disc_count[0] = 0
     return memory
 
 
@@ -69,9 +78,6 @@ def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None
     assert way((5.0, 0.0), (5.0, 0.5, 1.5))[0] == 0
 
 
-STILL = np.zeros(8)  # at (0, 0), not moving, nor is the target
-
-
 def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
     wall = [(5.0, 1.65, 1.0), (5.0, -1.65, 1.0), (5.0, -3.5, 1.0), (5.0, -5.5, 1.0)]  # a gap of 1.3 m ahead
     _, aside = leave_pocket(0.0, 0.0, 0, np.array([10.0, 0.0]), STILL, stopped(*wall))
@@ -103,9 +109,7 @@ def test_who_is_stopped_by_nothing_keeps_its_own_plan() -> None:
 
 
 def test_a_detour_ends_where_the_slot_is_caught_up_with() -> None:
-    memory = stopped(*CUP)
-    leave_pocket(0.0, 0.0, 0, np.array([12.0, 0.0]), STILL, memory)
-    memory.disc_count[0] = 0  # now the straight way is free
+    memory = out_of_the_cup()
     for _ in range(20):
         _, up = leave_pocket(0.0, 0.0, 0, np.array([0.0, 12.0]), STILL, memory)
     assert up > 10.0, "straight to the slot, wherever that is by now"
@@ -114,10 +118,7 @@ def test_a_detour_ends_where_the_slot_is_caught_up_with() -> None:
 
 
 def test_the_way_home_is_flown_faster_than_the_slot_moves() -> None:
-    memory = stopped(*CUP)
-    slot = np.array([0.0, 12.0])
-    leave_pocket(0.0, 0.0, 0, slot, STILL, memory)
-    memory.disc_count[0] = 0
+    memory, slot = out_of_the_cup(), np.array([0.0, 12.0])
     for _ in range(20):
         _, up = leave_pocket(0.0, 0.0, 0, slot, np.array([0, 0, 0, 9.0, 0, 0, 0, 9.0]), memory)
     assert up > 1.0
