@@ -71,10 +71,9 @@ def legend(result: TableResult) -> str:
     text += _PAPERS if any(row.paper for row in rows) else ""
     text += _MAE if any(row.accuracy for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
-    flown = {(row.maps, row.starts) for row in rows}
-    if len(flown) == 1:
-        ((first, last), starts) = flown.pop()
-        text += f"Maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each."
+    flown = sorted({(row.runs, row.maps, row.starts) for row in rows})
+    for runs, (first, last), starts in flown:
+        text += f"{runs} runs: maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each. "
     return text.strip()
 
 

@@ -76,6 +76,7 @@ def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowRes
         include=RowResult.model_fields.keys() & Evaluation.model_fields.keys() - {"failures"}
     )
     swaps = flown.swaps_per_flight
+    first, last = flown.maps
     return RowResult(
         **{**same, "swaps_per_flight": swaps["committed"] + swaps["vacated"]},
         key=row.key,
@@ -87,7 +88,9 @@ def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowRes
         paper=row.paper,
         accuracy=accuracy,
         failures=failures,
-        command=command_line("evaluate", row.options),
+        command=command_line(
+            "evaluate", row.options, maps=last - first + 1, starts=flown.starts, seed_base=first
+        ),
     )
 
 

@@ -14,7 +14,7 @@ from rsc_swarm.evaluate import seeds_of
 from rsc_swarm.options import MissionOptions, resolve
 from rsc_swarm.tables import command, flying, foresight, rows
 from rsc_swarm.tables.foresight import accuracy_of
-from rsc_swarm.tables.markdown import cells, drawn, markdown, page
+from rsc_swarm.tables.markdown import cells, drawn, legend, markdown, page
 from rsc_swarm.tables.result import TableError, as_csv, path_of, read_table, read_tables
 from rsc_swarm.tables.rows import TABLES, Paper, Place, Row, Table, Way, chosen
 
@@ -94,13 +94,14 @@ def test_a_table_is_written_for_people_and_programs(tmp_path, capsys):
         "| 4 drones | Analytic | without filter | 2 | 0.0 (0.0 to 65.8) | 83.0 | 0.0 | 14.5 | 100.0 | 2.5 |"
         in out
     )
-    assert "Maps 1000000 to 1000001, 1 start each." in out
+    assert "2 runs: maps 1000000 to 1000001, 1 start each." in out
     lines = list(csv.DictReader(path_of(tmp_path, "small", "csv").read_text().splitlines()))
     assert [line["key"] for line in lines] == ["here/analytic/bare", "here/cruise"]
     assert (lines[0]["paper_success_pct"], lines[1]["paper_success_pct"]) == ("83.0", "")
     assert table.rows[0].failures == {"late": [1_000_000_000, 1_000_001_000]}
     assert table.rows[0].command == (
-        "rsc-swarm evaluate --agents 4 --policy analytic --set time_limit_s=0.3 --set safety_filter=false"
+        "rsc-swarm evaluate --agents 4 --policy analytic --set time_limit_s=0.3 --set safety_filter=false "
+        "--maps 2 --starts 1 --seed-base 1000000"
     )
     assert drawn(table) is not None
 
@@ -112,9 +113,13 @@ def test_a_column_without_figures_is_left_out(tmp_path):
 
 
 def test_a_part_flown_later_joins_the_table(tmp_path, capsys):
-    evaluate(tmp_path, "cruise")
-    evaluate(tmp_path, "analytic")
-    assert [row.name for row in read_table(path_of(tmp_path, "small")).rows] == ["Analytic", "Cruise"]
+    evaluate(tmp_path, "cruise", maps=2)
+    evaluate(tmp_path, "analytic", maps=3)
+    table = read_table(path_of(tmp_path, "small"))
+    assert [(row.name, row.runs) for row in table.rows] == [("Analytic", 3), ("Cruise", 2)]
+    assert legend(table).endswith(
+        "2 runs: maps 1000000 to 1000001, 1 start each. 3 runs: maps 1000000 to 1000002, 1 start each."
+    )
     assert "Cruise" not in capsys.readouterr().out.split("| drones |")[2]
 
 
