@@ -120,6 +120,12 @@ def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
     ]
 
 
+def flown_on(maps: tuple[int, int], starts: int) -> str:
+    """For people: ``maps`` (first and last seed) and the starts on each."""
+    first, last = maps
+    return f"maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each"
+
+
 def crew_size(workers: int | None) -> int:
     """How many processes fly: ``workers``, or one per processor.
 

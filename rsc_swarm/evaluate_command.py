@@ -11,7 +11,15 @@ from rich.table import Table
 from rich.text import Text
 
 from protocols.mission import MissionError
-from rsc_swarm.evaluate import Evaluation, crew_size, evaluate, journal_path, seeds_of, summarise
+from rsc_swarm.evaluate import (
+    Evaluation,
+    crew_size,
+    evaluate,
+    flown_on,
+    journal_path,
+    seeds_of,
+    summarise,
+)
 from rsc_swarm.fly_command import check_json
 from rsc_swarm.journal import fingerprint
 from rsc_swarm.options import MissionOptions, command_line, resolve
@@ -111,9 +119,8 @@ def render(result: Evaluation, rich: bool = False) -> RenderableType:
 
 
 def _print_notes(out: Console, result: Evaluation, options: MissionOptions, seconds: float) -> None:
-    first, last = result.maps
     out.print(
-        f"\nMaps {first} to {last}, {result.starts} start{'s' if result.starts > 1 else ''} each, "
+        f"\n{flown_on(result.maps, result.starts).capitalize()}, "
         f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; "
         "formed: when the formation first stood; "
         "slot: largest slot error at success; nearest: smallest distance ever; swaps: made per flight.",

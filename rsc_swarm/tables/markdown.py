@@ -5,6 +5,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table as Drawn
 from rich.text import Text
 
+from rsc_swarm.evaluate import flown_on
 from rsc_swarm.tables.result import RowResult, TableResult
 from rsc_swarm.tables.rows import TABLES, Paper
 
@@ -72,8 +73,8 @@ def legend(result: TableResult) -> str:
     text += _MAE if any(row.accuracy for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
     flown = sorted({(row.runs, row.maps, row.starts) for row in rows})
-    for runs, (first, last), starts in flown:
-        text += f"{runs} runs: maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each. "
+    for runs, maps, starts in flown:
+        text += f"{runs} runs: {flown_on(maps, starts)}. "
     return text.strip()
 
 
