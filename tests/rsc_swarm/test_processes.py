@@ -23,24 +23,25 @@ import os, signal, sys, time
 from pathlib import Path
 from rsc_swarm.processes import Supervisor, leave_on_sigterm
 from rsc_swarm.run_folder import RunFolder
+from rsc_swarm.rundir import write_whole
 
 here = Path(sys.argv[1])
 
 def polite(name):
     leave = leave_on_sigterm()
-    (here / name).write_text(str(os.getpid()))
+    write_whole(here / name, str(os.getpid()))
     while not leave.asked:
         time.sleep(0.01)
     (here / f"{name} left").write_text("")
 
 def stubborn(name):
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    (here / name).write_text(str(os.getpid()))
+    write_whole(here / name, str(os.getpid()))
     time.sleep(60.0)
 
 def beating(name):
     for beat in range(6000):
-        (here / name).write_text(str(beat))
+        write_whole(here / name, str(beat))
         time.sleep(0.01)
 
 def await_files(*names):
@@ -280,7 +281,7 @@ def test_a_world_that_cannot_leave_does_not_outlive_its_launcher(
         """
         def stuck(name):
             leave_on_sigterm()
-            (here / name).write_text(str(os.getpid()))
+            write_whole(here / name, str(os.getpid()))
             while True:
                 time.sleep(0.01)
 
