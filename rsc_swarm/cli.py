@@ -144,7 +144,7 @@ def evaluate(
     table: Annotated[
         str | None,
         typer.Option(
-            metavar="1|2|3|harder",
+            metavar="1|2|3|harder|slots",
             help="Fly a whole table instead, beside the paper's figures.",
             rich_help_panel=_TABLES,
         ),

@@ -180,6 +180,11 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
+def failure_bound(runs: int) -> float:
+    """The failure rate is below this with 95 % confidence after ``runs`` without a failure; about 3 / runs."""
+    return 1 - 0.05 ** (1 / runs)
+
+
 def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -> Evaluation:
     """What ``flights`` (at least one) add up to; ``code`` is the `fingerprint` they were flown under."""
     runs = len(flights)

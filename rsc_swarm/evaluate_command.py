@@ -15,6 +15,7 @@ from rsc_swarm.evaluate import (
     Evaluation,
     crew_size,
     evaluate,
+    failure_bound,
     flown_on,
     journal_path,
     seeds_of,
@@ -142,7 +143,8 @@ def _print_notes(out: Console, result: Evaluation, options: MissionOptions, seco
         )
     if not result.failures:
         out.print(
-            f"No failure in {result.runs} runs: the failure rate is below {300 / result.runs:.2g} % (95 %)."
+            f"No failure in {result.runs} runs: "
+            f"the failure rate is below {100 * failure_bound(result.runs):.2g} % (95 %)."
         )
         return
     out.print(f"\n{len(result.failures)} failed. Fly them again:")

@@ -27,6 +27,11 @@ _WAYS = (
     "potential field near others; no safety filter, no detours; only leader and follower swap, at most once a second. "
     "*Ours*: the defaults, with detours and the safety filter last. "
 )
+_SLOTS = (
+    "*Agreed* (the default): both drones of a swap agree before either moves; *highest version*: one drone swaps at "
+    "once, and of two views the one that changed more often wins. undone: swaps that a merge undid, per flight; "
+    "two in a slot: time during which drones claimed one slot, summed over drones. "
+)
 _PAGE = """# Results
 
 The paper's tables, flown again under the definitions of [task.md](task.md). Each row can be flown alone: its command is in
@@ -48,9 +53,8 @@ def drawn(result: TableResult) -> RenderableType:
     first, *rest = cells(result)
     title = f"Table {result.table}: {result.title}"
     table = Drawn(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    texts = len(first) - len(_figures(result.rows[0]))
-    for index, name in enumerate(first):
-        table.add_column(name, justify="left" if index < texts else "right")
+    for name in first:
+        table.add_column(name, justify="right" if name in _figures(result.rows[0], of_slots=True) else "left")
     for line in rest:
         table.add_row(*line)
     return Group(table, Text(legend(result).replace("*", "")))
@@ -72,6 +76,7 @@ def legend(result: TableResult) -> str:
     text += _PAPERS if any(row.paper for row in rows) else ""
     text += _MAE if any(row.accuracy for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
+    text += _SLOTS if TABLES[result.table].of_slots else ""
     flown = sorted({(row.runs, row.maps, row.starts) for row in rows})
     for runs, maps, starts in flown:
         text += f"{runs} runs: {flown_on(maps, starts)}. "
@@ -80,18 +85,26 @@ def legend(result: TableResult) -> str:
 
 def cells(result: TableResult) -> list[list[str]]:
     """The heading and a line per row; a column in which nobody has a figure is left out."""
-    places = TABLES[result.table].places if result.table in TABLES else "place"
-    lines = [{places: row.place, "model": row.name, "flown": row.way, **_figures(row)} for row in result.rows]
+    table = TABLES[result.table]
+    lines = [
+        {
+            table.places: row.place,
+            "model": row.name,
+            "flown": row.way,
+            **_figures(row, table.of_slots),
+        }
+        for row in result.rows
+    ]
     columns = [name for name in lines[0] if any(line[name] not in ("", "-") for line in lines)]
     return [columns, *([line[name] for name in columns] for line in lines)]
 
 
-def _figures(row: RowResult) -> dict[str, str]:
+def _figures(row: RowResult, of_slots: bool) -> dict[str, str]:
     low, high = row.success_interval
     papers, model, floor = _papers(row.paper), None, None
     if row.accuracy:
         model, floor = row.accuracy.model_m, row.accuracy.constant_velocity_m
-    return {
+    figures = {
         "runs": str(row.runs),
         "S %": f"{100 * row.success_rate:.1f} ({100 * low:.1f} to {100 * high:.1f})",
         "paper's S": papers["S"],
@@ -107,6 +120,10 @@ def _figures(row: RowResult) -> dict[str, str]:
         "formed s": _number(row.formed_mean_s, 2),
         "swaps": _number(row.swaps_per_flight, 1),
     }
+    if of_slots:
+        figures["undone"] = _number(row.undone_per_flight, 1)
+        figures["two in a slot s"] = _number(row.overlap_mean_s, 2)
+    return figures
 
 
 def _papers(paper: Paper | None) -> dict[str, str]:

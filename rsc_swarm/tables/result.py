@@ -4,8 +4,9 @@ import csv
 import io
 from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from rsc_swarm.evaluate import Evaluation
 from rsc_swarm.options import command_line
@@ -24,6 +25,12 @@ class Accuracy(BaseModel):
 
     model_m: float
     constant_velocity_m: float
+
+
+def _known(table: str) -> str:
+    if table not in TABLES:
+        raise ValueError(f"there is no table {table}")
+    return table
 
 
 class RowResult(BaseModel):
@@ -47,6 +54,13 @@ class RowResult(BaseModel):
     formed_mean_s: float | None
     min_distance_m: float | None
     swaps_per_flight: float
+    undone_per_flight: float | None = Field(
+        None, description="swaps that a merge undid; null in a row flown before it was counted"
+    )
+    overlap_mean_s: float | None = Field(
+        None,
+        description="mean time during which drones claimed the same slot, summed over drones; null likewise",
+    )
     accuracy: Accuracy | None = Field(description="null for a controller that foretells nothing")
     maps: tuple[int, int] = Field(description="first and last map seed")
     starts: int
@@ -62,7 +76,7 @@ class TableResult(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    table: str
+    table: Annotated[str, AfterValidator(_known)]
     title: str
     rows: tuple[RowResult, ...]
 
@@ -79,6 +93,7 @@ def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowRes
     first, last = flown.maps
     return RowResult(
         **{**same, "swaps_per_flight": swaps["committed"] + swaps["vacated"]},
+        undone_per_flight=swaps["undone"],
         key=row.key,
         place=row.place.title,
         name=row.name,

@@ -74,12 +74,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table. name: for ``--table``; places: the heading over the rows' places, empty if there is only one."""
+    """A table. name: for ``--table``; places: the heading over the rows' places, empty if there is only one; of_slots: it
+    shows what trading slots cost."""
 
     name: str
     title: str
     places: str
     rows: tuple[Row, ...]
+    of_slots: bool = False
 
 
 def chosen(table: Table, names: str | None) -> list[Row]:
@@ -220,6 +222,23 @@ def _table_harder() -> Iterator[Row]:
             yield Row(place, "RSC-H20", _OFTEN, "rsc-h20")
 
 
+_RULES = (
+    Way("agreed", "agreed"),
+    Way("highest-version", "highest version", ("swap.protocol=highest-version",)),
+    Way("no-swaps", "no swaps", ("swap.rule=off",)),
+)
+
+
+def _table_slots() -> Iterator[Row]:
+    for mission in ("scrambled", "form-up", "slow-leader", "lost-agent"):
+        for agents in (12, 25, 36):
+            place = Place(
+                f"{mission}/n{agents}", f"{mission}, {agents}", MissionOptions(mission=mission, agents=agents)
+            )
+            for way in _RULES:
+                yield Row(place, "Analytic", way, "analytic")
+
+
 TABLES = {
     table.name: table
     for table in (
@@ -227,5 +246,6 @@ TABLES = {
         Table("2", "Other sizes, without training for them", "drones", tuple(_table_2())),
         Table("3", "What the blend and the swaps are worth", "blend / swaps", tuple(_table_3())),
         Table("harder", "Harder fields, 25 drones", "field", tuple(_table_harder())),
+        Table("slots", "Rules for trading slots", "field, drones", tuple(_table_slots()), of_slots=True),
     )
 }

@@ -73,7 +73,7 @@ def test_a_run_directory_and_a_json_file_tell_the_same(run, tmp_path):
         ("simulate --json /nowhere/x.json", "--json /nowhere/x.json: give a file in a directory that exists"),
         ("simulate --run-dir /proc/flight", "--run-dir /proc/flight: cannot be written"),
         ("evaluate --map 3", "--map and --seed: evaluate chooses the seeds"),
-        ("evaluate --table 5", "--table 5: there is none; the tables are 1, 2, 3, harder"),
+        ("evaluate --table 5", "--table 5: there is none; the tables are 1, 2, 3, harder, slots"),
         ("evaluate --table 1 --agents 6", "--agents: the rows of a table say what is flown"),
         ("evaluate --table 1 --json x.json", "--json: a table writes its JSON into --out"),
         ("evaluate --rows expert", "--rows and --out: are for tables; say which one with --table"),

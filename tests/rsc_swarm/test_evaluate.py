@@ -10,7 +10,16 @@ import pytest
 from protocols.mission import Mission, MissionError
 from rsc_swarm import crew
 from rsc_swarm.crew import CrewError, Flight, fly_all, fly_batch
-from rsc_swarm.evaluate import Evaluation, Watcher, evaluate, journal_path, seeds_of, summarise, wilson
+from rsc_swarm.evaluate import (
+    Evaluation,
+    Watcher,
+    evaluate,
+    failure_bound,
+    journal_path,
+    seeds_of,
+    summarise,
+    wilson,
+)
 from rsc_swarm.evaluate_command import render
 from rsc_swarm.journal import Journal, JournalError, fingerprint
 from rsc_swarm.render import plain
@@ -60,6 +69,11 @@ def test_the_wilson_interval_is_the_textbooks():
     assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
     assert wilson(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)
     assert wilson(600, 600) == pytest.approx((0.99364, 1.0), abs=1e-5)
+
+
+def test_no_failure_in_few_runs_says_little():
+    assert failure_bound(1) == pytest.approx(0.95)
+    assert failure_bound(3000) == pytest.approx(0.001, abs=1e-5)
 
 
 def test_a_flight_of_a_batch_is_the_flight_alone():

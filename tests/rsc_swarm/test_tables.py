@@ -3,6 +3,7 @@
 import csv
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -112,6 +113,25 @@ def test_a_column_without_figures_is_left_out(tmp_path):
     assert heading == ["drones", "model", "runs", "S %", "C %", "D %", "swaps"]
 
 
+def test_what_a_rule_for_slots_costs_stands_in_its_table_only(tmp_path, monkeypatch, capsys):
+    evaluate(tmp_path, "cruise")
+    assert "undone" not in capsys.readouterr().out
+    monkeypatch.setitem(rows.TABLES, SMALL.name, replace(SMALL, of_slots=True))
+    table = read_table(path_of(tmp_path, "small"))
+    heading, line = cells(table)
+    assert heading[-3:] == ["swaps", "undone", "two in a slot s"]
+    assert line[-2:] == ["0.0", "0.01"]
+    assert "*highest version*" in legend(table)
+
+
+def test_the_slots_table_flies_every_rule_where_slots_matter():
+    missions = [resolve(row.options) for row in chosen(TABLES["slots"], "form-up/n36")]
+    assert [(mission.swap.rule, mission.swap.protocol) for mission in missions] == [
+        ("contact", "agreed"), ("contact", "highest-version"), ("off", "agreed")
+    ]  # fmt: skip
+    assert {(mission.name, mission.agents) for mission in missions} == {("form-up", 36)}
+
+
 def test_a_part_flown_later_joins_the_table(tmp_path, capsys):
     evaluate(tmp_path, "cruise", maps=2)
     evaluate(tmp_path, "analytic", maps=3)
@@ -164,6 +184,9 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path):
     (tmp_path / "table-small.json").write_text('{"table": "small"}')
     with pytest.raises(TableError, match="is not a table of this version"):
         evaluate(tmp_path)
+    path_of(tmp_path, "small").write_text('{"table": "unheard-of", "title": "", "rows": []}')
+    with pytest.raises(TableError, match="is not a table of this version"):
+        read_tables(tmp_path)
 
 
 def test_all_tables_make_one_page(tmp_path, capsys):
