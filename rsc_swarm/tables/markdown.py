@@ -34,9 +34,9 @@ _SLOTS = (
 )
 _PAGE = """# Results
 
-The paper's tables, flown again under the definitions of [task.md](task.md). Each row can be flown alone: its command is in
-the JSON beside this page. A whole table: `rsc-swarm evaluate --table 1`, and so on. This page is made from
-the JSON by `rsc-swarm tables docs/results`.
+The paper's tables, flown again under the definitions of [task.md](task.md), and what harder fields and other rules for trading
+slots do. Each row can be flown alone: its command is in the JSON beside this page. A whole table: `rsc-swarm evaluate --table 1`,
+and so on. This page is made from the JSON by `rsc-swarm tables docs/results`.
 """
 
 
