@@ -27,6 +27,7 @@ _WAYS = (
     "potential field near others; no safety filter, no detours; only leader and follower swap, at most once a second. "
     "*Ours*: the defaults, with detours and the safety filter last. "
 )
+_SLOT_COLUMNS = ("undone", "two in a slot s")  # of the table that is about slots
 _SLOTS = (
     "*Agreed* (the default): both drones of a swap agree before either moves; *highest version*: one drone swaps at "
     "once, and of two views the one that changed more often wins. undone: swaps that a merge undid, per flight; "
@@ -53,8 +54,9 @@ def drawn(result: TableResult) -> RenderableType:
     first, *rest = cells(result)
     title = f"Table {result.table}: {result.title}"
     table = Drawn(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    figures = _figures(result.rows[0])
     for name in first:
-        table.add_column(name, justify="right" if name in _figures(result.rows[0], of_slots=True) else "left")
+        table.add_column(name, justify="right" if name in figures else "left")
     for line in rest:
         table.add_row(*line)
     return Group(table, Text(legend(result).replace("*", "")))
@@ -87,24 +89,22 @@ def cells(result: TableResult) -> list[list[str]]:
     """The heading and a line per row; a column in which nobody has a figure is left out."""
     table = TABLES[result.table]
     lines = [
-        {
-            table.places: row.place,
-            "model": row.name,
-            "flown": row.way,
-            **_figures(row, table.of_slots),
-        }
-        for row in result.rows
+        {table.places: row.place, "model": row.name, "flown": row.way, **_figures(row)} for row in result.rows
     ]
-    columns = [name for name in lines[0] if any(line[name] not in ("", "-") for line in lines)]
+    hidden = () if table.of_slots else _SLOT_COLUMNS
+    columns = [
+        name for name in lines[0] if name not in hidden and any(line[name] not in ("", "-") for line in lines)
+    ]
     return [columns, *([line[name] for name in columns] for line in lines)]
 
 
-def _figures(row: RowResult, of_slots: bool) -> dict[str, str]:
+def _figures(row: RowResult) -> dict[str, str]:
     low, high = row.success_interval
     papers, model, floor = _papers(row.paper), None, None
     if row.accuracy:
         model, floor = row.accuracy.model_m, row.accuracy.constant_velocity_m
-    figures = {
+    undone, shared = _SLOT_COLUMNS
+    return {
         "runs": str(row.runs),
         "S %": f"{100 * row.success_rate:.1f} ({100 * low:.1f} to {100 * high:.1f})",
         "paper's S": papers["S"],
@@ -119,11 +119,9 @@ def _figures(row: RowResult, of_slots: bool) -> dict[str, str]:
         "constant velocity's": _number(floor, 2, 1e4),
         "formed s": _number(row.formed_mean_s, 2),
         "swaps": _number(row.swaps_per_flight, 1),
+        undone: _number(row.undone_per_flight, 1),
+        shared: _number(row.overlap_mean_s, 2),
     }
-    if of_slots:
-        figures["undone"] = _number(row.undone_per_flight, 1)
-        figures["two in a slot s"] = _number(row.overlap_mean_s, 2)
-    return figures
 
 
 def _papers(paper: Paper | None) -> dict[str, str]:

@@ -27,12 +27,6 @@ class Accuracy(BaseModel):
     constant_velocity_m: float
 
 
-def _known(table: str) -> str:
-    if table not in TABLES:
-        raise ValueError(f"there is no table {table}")
-    return table
-
-
 class RowResult(BaseModel):
     """A flown row. Rates are shares of all runs."""
 
@@ -69,6 +63,12 @@ class RowResult(BaseModel):
     )
     command: str = Field(description="flies this row alone")
     code: str = Field(description="fingerprint of mission and code")
+
+
+def _known(table: str) -> str:
+    if table not in TABLES:
+        raise ValueError(f"there is no table {table}")
+    return table
 
 
 class TableResult(BaseModel):
