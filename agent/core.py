@@ -17,15 +17,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent import cycle
-from agent.desk import empty_views, empty_work, make_desk, rules_of, shape_of
+from agent import tick as cycle
 from agent.memory import empty_memory, forget
-from agent.parties import Parties
 from agent.policy import Policy, PolicyError, Seen, find_policy
-from protocols.frames import Frames
-from protocols.mission import Mission
-from protocols.sensed import Sensed
-from protocols.status import SWAP_COUNTS, AgentStatus
+from agent.rules import rules_of, shape_of
+from agent.slot_endpoints import SlotEndpoints
+from agent.tick_arrays import empty_views, empty_work, make_tick_arrays
+from protocols.mission.document import Mission
+from protocols.wire.frames import Frames
+from protocols.wire.sensed import Sensed
+from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
 _FLOAT64 = np.dtype(np.float64)
 
@@ -73,14 +74,16 @@ class AgentCore:
         self.work = empty_work(agents, inbox_size)
         self.memory = empty_memory(len(agents), mission.agents)
         self.views = empty_views(len(agents), mission.agents)
-        self.parties = Parties(mission, agents, initial_slots, self.views, boot)
+        self.endpoints = SlotEndpoints(mission, agents, initial_slots, self.views, boot)
         self._rules, self._shape = rules_of(mission), shape_of(mission)
-        self.desk = make_desk(self._rules, self._shape, self.views, self.work, sensed, frames, self.memory)
+        self.arrays = make_tick_arrays(
+            self._rules, self._shape, self.views, self.work, sensed, frames, self.memory
+        )
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
         forget(self.memory, row, tick)
-        self.parties.restart(row, boot)
+        self.endpoints.restart(row, boot)
         if hasattr(self.policy, "forget"):
             self.policy.forget(row)
 
@@ -96,18 +99,18 @@ class AgentCore:
 
     def load_rare_kernels(self) -> None:
         """Load (or compile) what only some ticks need: at the first swap there is no time for it."""
-        cycle.aim_again(self.desk)
+        cycle.aim_again(self.arrays)
 
     def step(self, tick: int, first: int) -> NDArray[np.float64]:
         """Decide one tick for the awake rows; return the commands (A, 2), accelerations in m/s^2.
 
         What row r broadcasts goes into row first + r of ``frames`` and ``notes``. A note is read only where ``frames.loud``.
         """
-        work, desk = self.work, self.desk
+        work, arrays = self.work, self.arrays
         self.open()
-        self.parties.changed.clear()
-        if cycle.before_policy(tick, desk) and self.parties.step(tick, work, self.frames, self.notes):
-            cycle.aim_again(desk)
+        self.endpoints.changed.clear()
+        if cycle.before_policy(tick, arrays) and self.endpoints.step(tick, work, self.frames, self.notes):
+            cycle.aim_again(arrays)
         seen = Seen(
             tick,
             work.me,
@@ -117,7 +120,7 @@ class AgentCore:
             work.slot_error,
             work.observation,
             self.memory,
-            desk,
+            arrays,
         )
         command = self.policy.act(seen)
         if (
@@ -128,13 +131,13 @@ class AgentCore:
             raise PolicyError(
                 f"policy: act must return {work.slot_error.shape} float64, not {_kind_of(command)}"
             )
-        cycle.after_policy(tick, first, desk, command)
-        self.parties.write_notes(tick, work.sent, self.frames, self.notes, first)
+        cycle.after_policy(tick, first, arrays, command)
+        self.endpoints.write_notes(tick, work.sent, self.frames, self.notes, first)
         return command
 
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
-        """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.frames.REASONS."""
-        party = self.parties.party[row]
+        """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""
+        party = self.endpoints.endpoint[row]
         fresh = tick - self.memory.heard_tick[row] <= self._rules.memory_ticks
         counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
         return AgentStatus(

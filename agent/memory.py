@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.frames import MAX_KNOWN
 from protocols.relative import NEVER, UNKNOWN
-from protocols.sensed import MAX_NEAR, MAX_OBSTACLES
+from protocols.wire.frames import MAX_KNOWN
+from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES
 
 
 class Memory(NamedTuple):

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory
-from protocols.formation import NO_PARENT
 from protocols.kernels import inlined_kernel
+from protocols.mission.formation import NO_PARENT
 from protocols.relative import UNKNOWN
-from protocols.sensed import Sensed
+from protocols.wire.sensed import Sensed
 
 WIDE_SIZE = 32
 WIDE_REACH_M = 10.0

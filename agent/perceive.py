@@ -4,9 +4,12 @@ import math
 
 import numpy as np
 
-from agent.desk import Rules, Work
 from agent.memory import Memory
-from protocols.frames import (
+from agent.tick_arrays import Rules, Work
+from protocols.dynamics import TICK_S
+from protocols.kernels import inlined_kernel
+from protocols.relative import chain_displacements
+from protocols.wire.frames import (
     AGE_NEVER,
     AGE_UNIT_TICKS,
     AGE_WINDOW,
@@ -15,10 +18,7 @@ from protocols.frames import (
     OBSERVATION_UNIT,
     Frames,
 )
-from protocols.kernels import inlined_kernel
-from protocols.mission import TICK_S
-from protocols.relative import chain_displacements
-from protocols.sensed import Sensed
+from protocols.wire.sensed import Sensed
 
 _SAME_DISC_M = 0.05  # sightings this alike in centre and radius are of one obstacle; discs may overlap
 

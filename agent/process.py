@@ -9,23 +9,23 @@ from typing import Any, Protocol
 import numpy as np
 
 from agent.core import AgentCore
-from agent.hearing import Hearing
 from agent.memory import forget
-from protocols import messages
-from protocols.frames import FrameCodec, empty_frames, swarm_tag
+from agent.radio.hearing import Hearing
 from protocols.kernels import release_compiler
-from protocols.mission import Mission, parse_mission
-from protocols.sensed import SensedPacker, SensedReader, empty_sensed
-from protocols.status import AgentStatus
-from protocols.swap import SlotNote, encode
-from protocols.swap_notes import quiet_note
+from protocols.mission.document import Mission, parse_mission
+from protocols.slots.agreement import SlotNote, encode
+from protocols.slots.notes import quiet_note
+from protocols.wire import messages
+from protocols.wire.frames import FrameCodec, empty_frames, swarm_tag
+from protocols.wire.sensed import SensedPacker, SensedReader, empty_sensed
+from protocols.wire.status import AgentStatus
 
 _LISTEN_S = 0.2
 _STATUS_EVERY = 50  # ticks between accounts of itself when nothing changes
 
 
 class Link(Protocol):
-    """Bytes to and from the world: agent.link.AgentLink, or a test's."""
+    """Bytes to and from the world: agent.radio.link.AgentLink, or a test's."""
 
     def receive(self, timeout_s: float) -> bytes | None: ...
 
@@ -64,7 +64,7 @@ class Drone:
         ((ax, ay),) = core.step(tick, messages.MAX_HEARD).tolist()
         frame = self._speak() if core.work.sent[0] else None
         return messages.pack(
-            messages.REPLY, tick, ax, ay, core.parties.party[0].slot, frame, self._news(tick)
+            messages.REPLY, tick, ax, ay, core.endpoints.endpoint[0].slot, frame, self._news(tick)
         )
 
     def _speak(self) -> bytes:
@@ -81,15 +81,15 @@ class Drone:
 
     def _news(self, tick: int) -> AgentStatus | None:
         """Its account when its view of the slots changed, and now and then."""
-        parties = self.core.parties
-        if not parties.changed and tick % _STATUS_EVERY != 0:
+        endpoints = self.core.endpoints
+        if not endpoints.changed and tick % _STATUS_EVERY != 0:
             return None
         return self.status()
 
     def farewell(self) -> bytes:
         """The last REPLY."""
         return messages.pack(
-            messages.REPLY, self.tick, 0.0, 0.0, self.core.parties.party[0].slot, None, self.status()
+            messages.REPLY, self.tick, 0.0, 0.0, self.core.endpoints.endpoint[0].slot, None, self.status()
         )
 
 
@@ -106,7 +106,7 @@ def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:
     """Take part in a flight as drone ``agent`` until it is over; return why it ended, for the log.
 
     Raises:
-        protocols.mission.MissionError, agent.policy.PolicyError: the mission cannot be flown by this version.
+        protocols.mission.document.MissionError, agent.policy.PolicyError: the mission cannot be flown by this version.
     """
     link.send(messages.pack(messages.HELLO, messages.VERSION))
     drone: Drone | None = None

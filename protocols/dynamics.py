@@ -9,6 +9,7 @@ import math
 
 from protocols.kernels import kernel
 
+TICK_S = 0.01  #: one tick of every clock, for everyone
 ABSURD_MPS2 = 1e6  # a component of a command beyond this is an error, not a wish: nobody follows it
 
 

@@ -1,61 +1,190 @@
 """How a rule becomes machine code: ``@kernel`` compiles a small readable loop once and keeps it on disk.
 
-Numba's own cache looks only at the file that holds a kernel, so a caller would keep using an old version of a
-rule that lives in another file. Here the cache folder is named after the text of *all* files that hold kernels: any
-edit gets a fresh folder, and a process never runs a stale rule.
+What is kept is named after all that decides it: the text of every project file that the kernel's module imports, however far
+down, and the versions it was compiled with. So an edit anywhere that could matter compiles again, a process never flies a rule
+other than the one in its sources, and two checkouts of the same text share what either compiled. Kernels of files outside
+the project are compiled anew in every process: what they depend on is not known here.
+
+Importing touches no folder. Compiled code is unpickled, so a folder is taken only if it is ours and only we may write to it.
 """
 
 import ctypes
 import hashlib
 import mmap
 import os
+import re
 import shutil
+import stat
+import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import llvmlite
 import numba
-from numba.core import cgutils, config
+import numpy as np
+from numba.core import caching, cgutils
 from numba.extending import intrinsic
 
-_PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
+_ROOT = Path(__file__).resolve().parents[1]
+_PACKAGES = "protocols|agent|world|rsc_swarm"
+_IMPORT = re.compile(
+    rf"^[ \t]*(?:from|import)[ \t]+((?:{_PACKAGES})(?:\.\w+)*)\b(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n#]+))?",
+    re.MULTILINE,
+)
 _COMPILER = "libllvmlite"
 _KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _sources_fingerprint(root: Path) -> str:
-    digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            source = path.read_bytes()
-            if b"kernel\ndef " in source:
-                digest.update(source)
+def _files_of(module: str) -> Iterator[Path]:
+    """The project files that importing ``module`` runs: its packages' and its own."""
+    parts = module.split(".")
+    for length in range(1, len(parts) + 1):
+        place = _ROOT.joinpath(*parts[:length])
+        yield from (file for file in (place / "__init__.py", place.with_suffix(".py")) if file.is_file())
+
+
+@cache
+def _imports(file: Path) -> frozenset[Path]:
+    found: set[Path] = set()
+    for module, names in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        found.update(_files_of(module))
+        for name in re.findall(r"\w+", names):
+            found.update(_files_of(f"{module}.{name}"))
+    return frozenset(found)
+
+
+@cache
+def sources_of(file: Path) -> tuple[Path, ...]:
+    """All project files whose text decides what a kernel in ``file`` does: its own and what it imports, however far down."""
+    known, open_ = {file}, [file]
+    while open_:
+        for path in _imports(open_.pop()) - known:
+            known.add(path)
+            open_.append(path)
+    return tuple(sorted(known))
+
+
+@cache
+def fingerprint(file: Path) -> str:
+    """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
+    versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
+    digest = hashlib.blake2b(repr(versions).encode(), digest_size=8)
+    for path in sources_of(file):
+        text = path.read_bytes()
+        digest.update(f"{path.relative_to(_ROOT)} {len(text)}\n".encode() + text)
     return digest.hexdigest()
 
 
-def _choose_cache() -> Path:
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rsc-swarm"
-    try:
-        base.mkdir(parents=True, exist_ok=True)
-        if not os.access(base, os.W_OK):
-            raise PermissionError(base)
-    except OSError:
-        base = Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
-        base.mkdir(parents=True, exist_ok=True)
-    chosen = base / f"kernels-{_sources_fingerprint(Path(__file__).resolve().parent.parent)}"
-    if not chosen.exists():
-        chosen.mkdir(exist_ok=True)
-        for path in base.glob("kernels-*"):
-            if chosen.stat().st_mtime - path.stat().st_mtime > _KEPT_S:
-                shutil.rmtree(path, ignore_errors=True)
-    return chosen
+def _bases() -> Iterator[Path]:
+    if "XDG_CACHE_HOME" in os.environ:
+        yield Path(os.environ["XDG_CACHE_HOME"]) / "rsc-swarm"
+    with suppress(RuntimeError):  # no home
+        yield Path.home() / ".cache" / "rsc-swarm"
+    yield Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
 
 
-CACHE_DIR = _choose_cache()
-config.CACHE_DIR = str(CACHE_DIR)  # type: ignore[attr-defined]
+def _is_ours(folder: Path) -> bool:
+    """Whether nobody else could have put something into ``folder``: a folder, no link, ours, and only we may write to it."""
+    status = folder.lstat()
+    only_we = not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and only_we
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept; None where no folder can be written to and trusted. Made at the first call."""
+    for base in _bases():
+        try:
+            base.mkdir(parents=True, exist_ok=True, mode=0o700)
+            if _is_ours(base) and os.access(base, os.R_OK | os.W_OK | os.X_OK):
+                return base
+        except OSError:
+            continue
+    return None
+
+
+class _Place(caching._CacheLocator):  # type: ignore[misc]
+    """Names what is kept; numba looks at the file's time and path instead."""
+
+    def __init__(self, function: Callable[..., Any], file: Path) -> None:
+        self._file, self._line = file, function.__code__.co_firstlineno
+
+    def get_cache_path(self) -> str:
+        return ""  # not known before it is needed: `_Kept`
+
+    def ensure_cache_path(self) -> None:
+        pass  # `_Kept.save_overload` has made it
+
+    def get_source_stamp(self) -> str:
+        return fingerprint(self._file)
+
+    def get_disambiguator(self) -> str:
+        return f"{self._file.relative_to(_ROOT).parent}".replace("/", ".") + f"-{self._line}"
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> "_Place":
+        return cls(function, Path(file).resolve())
+
+
+class _Form(caching.CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = [_Place]  # noqa: RUF012
+
+
+class _Kept(caching.Cache):  # type: ignore[misc]
+    """The compiled forms of one kernel, in a folder that is looked for only when there is something to load or keep."""
+
+    _impl_class = _Form  # type: ignore[assignment]
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        return super().load_overload(signature, target) if self._look() else None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        if not self._look():
+            return
+        folder = Path(self._cache_file._cache_path)
+        if not folder.exists():
+            folder.mkdir(exist_ok=True, mode=0o700)
+            _sweep(folder)
+        super().save_overload(signature, data)
+
+    def _look(self) -> bool:
+        """Point at the folder; False if there is none that can be trusted."""
+        base, kept = cache_folder(), self._cache_file
+        if base is None:
+            return False
+        if not kept._cache_path:
+            folder = base / f"kernels-{kept._source_stamp}"
+            kept._cache_path = self._cache_path = str(folder)
+            kept._index_path = str(folder / kept._index_name)
+        folder = Path(kept._cache_path)
+        return not folder.exists() or _is_ours(folder)
+
+
+def _sweep(newest: Path) -> None:
+    """Remove what no version has compiled for long before ``newest`` was made."""
+    for path in newest.parent.glob("kernels-*"):
+        if newest.stat().st_mtime - path.stat().st_mtime > _KEPT_S:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def is_kept(rule: Callable[..., Any]) -> bool:
+    """Whether some compiled form of this kernel, as its sources are now, lies on disk."""
+    cache_of_rule = getattr(rule, "_cache", None)
+    return (
+        isinstance(cache_of_rule, _Kept) and cache_of_rule._look() and Path(cache_of_rule.cache_path).exists()
+    )
+
+
+def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:
+    if Path(function.__code__.co_filename).resolve().is_relative_to(_ROOT):
+        dispatcher._cache = _Kept(function)
+    return dispatcher
 
 
 def kernel(function: F) -> F:
@@ -64,7 +193,7 @@ def kernel(function: F) -> F:
     Strict IEEE arithmetic (no fast-math): the same inputs give the same bits in every process of a machine, which
     is what lets a flight in 25 processes have the digest of its in-process twin.
     """
-    return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+    return cast(F, _kept(numba.njit(error_model="numpy")(function), function))
 
 
 def inlined_kernel(function: F) -> F:
@@ -73,7 +202,7 @@ def inlined_kernel(function: F) -> F:
     Handing arrays to a kernel that is not inlined counts references to each of them, which for a small rule costs more
     than the rule. Not for kernels that allocate.
     """
-    return cast(F, numba.njit(cache=True, error_model="numpy", forceinline=True)(function))
+    return cast(F, _kept(numba.njit(error_model="numpy", forceinline=True)(function), function))
 
 
 def release_compiler() -> None:

@@ -1,5 +1,5 @@
 """``python -m rsc_swarm`` is ``rsc-swarm``."""
 
-from rsc_swarm.cli import main
+from rsc_swarm.cli.main import main
 
 main()

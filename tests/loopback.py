@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Callable
 
 from agent.process import Drone
-from protocols import messages
-from protocols.mission import Mission, parse_mission
-from world.server import Clock, Flown, WorldServer
-from world.telemetry import Snapshot
+from protocols.mission.document import Mission, parse_mission
+from protocols.wire import messages
+from world.outlets.snapshot import Snapshot
+from world.server.session import Clock, Flown, WorldServer
 
 Meddle = Callable[[int, int, bytes], list[bytes]]  # agent, tick, its reply -> what reaches the world instead
 _NAP_S = 0.002

@@ -11,11 +11,11 @@ import yaml
 from pydantic import BaseModel
 from typer.main import get_command
 
-from protocols.mission import Fault, Mission, parse_mission
-from rsc_swarm.cli import app
-from rsc_swarm.options import shipped_missions
-from rsc_swarm.tables.markdown import page
-from rsc_swarm.tables.result import read_tables
+from protocols.mission.document import Fault, Mission, parse_mission
+from rsc_swarm.cli.main import app
+from rsc_swarm.cli.options import shipped_missions
+from rsc_swarm.study.tables.markdown import page
+from rsc_swarm.study.tables.result import read_tables
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "deploy" / "README.md"]

@@ -18,10 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.dynamics import TICK_S
 from protocols.kernels import kernel
-from protocols.mission import TICK_S, Fault, Mission
-from protocols.sensed import MAX_OBSTACLES, Sensed, empty_sensed
-from world import field, flood, medium, physics, referee
+from protocols.mission.document import Fault, Mission
+from protocols.wire.sensed import MAX_OBSTACLES, Sensed, empty_sensed
+from world import field, referee
+from world import plant as physics
+from world.medium import information_bound as information_bound
+from world.medium import medium
 
 EVERYONE = 0  # radio group while the swarm is not parted
 
@@ -144,7 +148,9 @@ class WorldCore:
         self._inbox_start = np.zeros(worlds * agents + 1, np.int64)
         self._inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
         # Only where something goes wrong is there news to wait for.
-        self._flood = flood.empty_flood(worlds, agents, self.ring) if first.faults else None
+        self._information_bound = (
+            information_bound.empty_information_bound(worlds, agents, self.ring) if first.faults else None
+        )
         self._is_leaf = self.plan.is_leaf
         self._closest = np.full(worlds, np.inf)
         self._closest_text = ["nobody came near anybody"] * worlds
@@ -195,8 +201,8 @@ class WorldCore:
         elif kind == "thaw":
             self.responsive[world, agents] = self.flying[world, agents]  # no thaw revives the dead
         elif kind == "restart":
-            if self._flood:
-                self._flood.latest[world, agents] = flood.NEVER
+            if self._information_bound:
+                self._information_bound.latest[world, agents] = information_bound.NEVER
             self.responsive[world, agents] = True
             self.velocity[world, agents] *= self.flying[world, agents, None]
             self.flying[world, agents] = True
@@ -240,13 +246,15 @@ class WorldCore:
             self._inbox_start,
             self._inbox,
         )
-        if self._flood:
-            flood.spread(self._flood, self.tick, self.active, self._inbox_start, self._inbox)
+        if self._information_bound:
+            information_bound.spread(
+                self._information_bound, self.tick, self.active, self._inbox_start, self._inbox
+            )
         return self._inbox_start, self._inbox[:total]
 
     def could_know(self, world: int) -> NDArray[np.int32] | None:
         """(N, N): of which tick of drone j (column) drone i could know by now; None in a mission without faults."""
-        return self._flood.latest[world] if self._flood else None
+        return self._information_bound.latest[world] if self._information_bound else None
 
     def advance(
         self,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 
 _MAP, _START, _SLOTS = 1, 2, 3  # each kind of draw has a stream of its own
 _TRIES = 100_000

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.formation import NO_PARENT
 from protocols.kernels import inlined_kernel, kernel
+from protocols.mission.formation import NO_PARENT
 
 # Columns of a verdict: one row of floats per world and tick.
 (CLOSEST_AGENTS, AGENT_A, AGENT_B, CLOSEST_OBSTACLE, AGENT_C, OBSTACLE, EDGE_ERROR, EDGE_CHILD, SLOT_ERROR, COMPLETE, PASSED,

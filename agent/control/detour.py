@@ -124,7 +124,7 @@ def leave_pocket(
 ) -> tuple[float, float]:
     """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``.
 
-    ``error`` (2,): slot target minus own position [m]; ``motion`` (8,): as protocols.sensed has it.
+    ``error`` (2,): slot target minus own position [m]; ``motion`` (8,): as protocols.wire.sensed has it.
     """
     v_x, v_y = motion[2], motion[3]
     far = math.sqrt(error[0] * error[0] + error[1] * error[1])

@@ -19,8 +19,9 @@ from agent.control.fusion import apf_blend
 from agent.control.gains import REACTIVE
 from agent.control.tracking import required_acceleration, smooth_acceleration
 from agent.policy.analytic_kernel import analytic
+from protocols.dynamics import TICK_S
 from protocols.kernels import inlined_kernel
-from protocols.mission import TICK_S, Trajectory
+from protocols.mission.document import Trajectory
 
 
 class Following(NamedTuple):

@@ -4,16 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.gains import GAINS
-from agent.desk import Desk
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Seen
+from agent.tick_arrays import TickArrays
 from protocols.kernels import borrowed, kernel
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 
 
 @kernel
-def _act(desk: Desk, wanted: NDArray[np.float64]) -> None:
-    work, memory, motion = borrowed(desk.work), borrowed(desk.memory), borrowed(desk.sensed).motion
+def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
+    work, memory, motion = borrowed(arrays.work), borrowed(arrays.memory), borrowed(arrays.sensed).motion
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             wanted[row, 0], wanted[row, 1] = analytic(
@@ -42,5 +42,5 @@ class Analytic:
         """Wanted acceleration (A, 2) m/s^2; remembers the side on which each obstacle is passed."""
         if len(self._wanted) != len(seen.awake):
             self._wanted = np.zeros((len(seen.awake), 2))
-        _act(seen.desk, self._wanted)
+        _act(seen.arrays, self._wanted)
         return self._wanted

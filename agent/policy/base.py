@@ -13,10 +13,10 @@ from typing import NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.desk import Desk
 from agent.memory import Memory
 from agent.policy.model_file import SHIPPED, shipped_models
-from protocols.mission import Mission
+from agent.tick_arrays import TickArrays
+from protocols.mission.document import Mission
 
 ENTRY_POINTS = "rsc_swarm.policies"
 _BUILT_IN = {
@@ -36,8 +36,8 @@ class Seen(NamedTuple):
     tick: 10 ms each. me: (A,) agent numbers. awake: (A,) rows to act for; the others' answers are ignored.
     motion: (A, 8) own p, own v, virtual target p, virtual target v; common local frame, m and m/s.
     chain_error, slot_error: (A, 2) target minus position [m] (agent.observation.aim).
-    observation: (A, 18) the paper's X_i. memory: neighbours, obstacles and what neighbours' frames said. desk: all of these as
-    one object for compiled policies (agent.desk).
+    observation: (A, 18) the paper's X_i. memory: neighbours, obstacles and what neighbours' frames said. arrays: all of these as
+    one object for compiled policies (agent.tick_arrays).
     """
 
     tick: int
@@ -48,7 +48,7 @@ class Seen(NamedTuple):
     slot_error: NDArray[np.float64]
     observation: NDArray[np.float64]
     memory: Memory
-    desk: Desk
+    arrays: TickArrays
 
     @property
     def velocity(self) -> NDArray[np.float64]:

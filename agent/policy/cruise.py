@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policy.base import Seen
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 
 
 class Cruise:

@@ -22,7 +22,7 @@ from agent.policy.learned_kernel import (
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, read_model
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 from protocols.relative import NEVER
 
 _OUTPUTS = ["displacement", "acceleration"]
@@ -85,11 +85,11 @@ class Learned:
         rows = len(seen.awake)
         if len(self._plans.made_at) != rows:
             self._make_room(rows)
-        due = ask_or_fly(seen.tick, seen.desk, self._planner)
+        due = ask_or_fly(seen.tick, seen.arrays, self._planner)
         if due:
             for first in range(0, due, _ROWS):
                 self._plan(seen, first, min(first + _ROWS, due))
-            fly_plans(seen.tick, seen.desk, self._planner)
+            fly_plans(seen.tick, seen.arrays, self._planner)
         return self._wanted
 
     def _plan(self, seen: Seen, first: int, end: int) -> None:
@@ -98,7 +98,7 @@ class Learned:
             displacement, acceleration = self._session.run(_OUTPUTS, inputs)
         else:
             displacement = acceleration = np.zeros((end - first, self.model.facts.horizon, 2), np.float32)
-        take_plans(seen.tick, first, seen.desk, self._planner, displacement, acceleration)
+        take_plans(seen.tick, first, seen.arrays, self._planner, displacement, acceleration)
 
     def forget(self, row: int) -> None:
         """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""

@@ -1,6 +1,6 @@
 """The compiled parts of a learned policy: what it remembers, what its model is given, and flying its plans."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -8,12 +8,12 @@ from numba.experimental import structref
 from numpy.typing import NDArray
 
 from agent.control.follow import Following, follow_row
-from agent.desk import Desk, Rules, Work
 from agent.memory import Memory
 from agent.observation import WIDE_SIZE, compressed, observe_wide_row
-from protocols.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
+from agent.tick_arrays import Rules, TickArrays, Work
 from protocols.kernels import borrowed, inlined_kernel, kernel
 from protocols.relative import NEVER
+from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
 
 
 class History(NamedTuple):
@@ -86,7 +86,7 @@ class _PlannerType(types.StructRef):  # type: ignore[misc]
 
 
 class Planner(structref.StructRefProxy):  # type: ignore[misc]
-    """All that the kernels here work on, laid out once, as `agent.desk.Desk` is. Its fields are for kernels only.
+    """All that the kernels here work on, laid out once, as `agent.tick_arrays.TickArrays` is. Its fields are for kernels only.
 
     replan: ticks between plans. wanted: (A, 2) m/s^2, what flying the plans takes now.
     """
@@ -118,6 +118,21 @@ def make_planner(
 
 
 @inlined_kernel
+def _copy_tick(source: Any, row: int, tick: int, target: Any, place: int, target_tick: int) -> None:
+    """What row ``row`` of ``source`` holds of one of its ticks, into ``target``; both have own, heard and share.
+
+    Loops, because assigning slices of such arrays takes half a minute to compile.
+    """
+    places, size = source.heard.shape[2], source.heard.shape[3]
+    for index in range(size):
+        target.own[place, target_tick, index] = source.own[row, tick, index]
+    for other in range(places):
+        target.share[place, target_tick, other] = source.share[row, tick, other]
+        for index in range(size):
+            target.heard[place, target_tick, other, index] = source.heard[row, tick, other, index]
+
+
+@inlined_kernel
 def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, history: History) -> None:
     """Add this tick to a row's history; one that is shorter than L repeats its first entry.
 
@@ -127,7 +142,7 @@ def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, his
     own, heard, share = history.own[row], history.heard[row], history.share[row]
     past, places = share.shape
     for step in range(past - 1):
-        own[step], heard[step], share[step] = own[step + 1], heard[step + 1], share[step + 1]
+        _copy_tick(history, row, step + 1, history, row, step)
     last = past - 1
     for index in range(OBSERVATION_SIZE):
         own[last, index] = work.observation[row, index]
@@ -139,13 +154,15 @@ def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, his
             for index in range(OBSERVATION_SIZE):
                 heard[last, count, index] = memory.heard_observation[row, other, index] / OBSERVATION_UNIT
             count += 1
-    heard[last, count:] = 0.0
-    share[last, :count] = 1.0 / max(count, 1)
-    share[last, count:] = 0.0
+    for place in range(places):
+        share[last, place] = 1.0 / count if place < count else 0.0
+    for place in range(count, places):
+        for index in range(OBSERVATION_SIZE):
+            heard[last, place, index] = 0.0
     if history.blank[row]:
         history.blank[row] = False
         for step in range(last):
-            own[step], heard[step], share[step] = own[last], heard[last], share[last]
+            _copy_tick(history, row, last, history, row, step)
 
 
 @inlined_kernel
@@ -153,17 +170,17 @@ def _ask_row(
     row: int, place: int, rules: Rules, work: Work, memory: Memory, history: History, question: Question
 ) -> None:
     question.row[place] = row
-    question.own[place], question.heard[place] = history.own[row], history.heard[row]
-    question.share[place] = history.share[row]
+    for step in range(history.own.shape[1]):
+        _copy_tick(history, row, step, question, place, step)
     x, y = compressed(work.chain_error[row, 0], work.chain_error[row, 1])
     question.target[place, 0], question.target[place, 1] = x, y
     observe_wide_row(row, rules.reach_m, memory, question.extra[place])
 
 
 @inlined_kernel
-def _fly(tick: int, desk: Desk, planner: Planner) -> None:
-    work, memory, flown = borrowed(desk.work), borrowed(desk.memory), borrowed(planner.plans)
-    motion, following, wanted = borrowed(desk.sensed).motion, planner.following, planner.wanted
+def _fly(tick: int, arrays: TickArrays, planner: Planner) -> None:
+    work, memory, flown = borrowed(arrays.work), borrowed(arrays.memory), borrowed(planner.plans)
+    motion, following, wanted = borrowed(arrays.sensed).motion, planner.following, planner.wanted
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             wanted[row, 0], wanted[row, 1] = follow_row(
@@ -175,7 +192,7 @@ def _fly(tick: int, desk: Desk, planner: Planner) -> None:
 
 
 @kernel
-def ask_or_fly(tick: int, desk: Desk, planner: Planner) -> int:
+def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
     """Note what every awake row sees and hears, and write the model's inputs for those that are due for a plan; if none is,
     fly the plans there are (in most ticks, so that these take one call).
 
@@ -185,7 +202,7 @@ def ask_or_fly(tick: int, desk: Desk, planner: Planner) -> int:
     Returns:
         How many rows are due.
     """
-    rules, work, memory, replan = desk.rules, borrowed(desk.work), borrowed(desk.memory), planner.replan
+    rules, work, memory, replan = arrays.rules, borrowed(arrays.work), borrowed(arrays.memory), planner.replan
     seen, asked, made_at = borrowed(planner.history), borrowed(planner.question), planner.plans.made_at
     past, horizon = seen.own.shape[1], planner.plans.displacement.shape[1]
     due = 0
@@ -200,7 +217,7 @@ def ask_or_fly(tick: int, desk: Desk, planner: Planner) -> int:
             _ask_row(row, due, rules, work, memory, seen, asked)
             due += 1
     if due == 0:
-        _fly(tick, desk, planner)
+        _fly(tick, arrays, planner)
     return due
 
 
@@ -208,13 +225,13 @@ def ask_or_fly(tick: int, desk: Desk, planner: Planner) -> int:
 def take_plans(
     tick: int,
     first: int,
-    desk: Desk,
+    arrays: TickArrays,
     planner: Planner,
     displacement: NDArray[np.float32],
     acceleration: NDArray[np.float32],
 ) -> None:
     """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    motion, plans, asked = borrowed(desk.sensed).motion, borrowed(planner.plans), planner.question.row
+    motion, plans, asked = borrowed(arrays.sensed).motion, borrowed(planner.plans), planner.question.row
     for place in range(displacement.shape[0]):
         row = asked[first + place]
         plans.made_at[row] = tick
@@ -225,6 +242,6 @@ def take_plans(
 
 
 @kernel
-def fly_plans(tick: int, desk: Desk, planner: Planner) -> None:
+def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
     """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
-    _fly(tick, desk, planner)
+    _fly(tick, arrays, planner)

@@ -12,8 +12,8 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from agent.observation import WIDE_SIZE
-from protocols.frames import OBSERVATION_SIZE
-from protocols.mission import explain
+from protocols.mission.document import explain
+from protocols.wire.frames import OBSERVATION_SIZE
 
 FORMAT = "rsc-swarm-policy"
 SHIPPED = Path(__file__).parent / "models"

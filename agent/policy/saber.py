@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from agent.control.attraction import attraction
 from agent.control.flocking import Flocking, flocking
 from agent.control.gains import GAINS
-from agent.desk import Desk
 from agent.policy.base import Seen
+from agent.tick_arrays import TickArrays
 from protocols.kernels import kernel
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 
 
 @kernel
-def _act(desk: Desk, gains: Flocking, wanted: NDArray[np.float64]) -> None:
-    work, memory, motion = desk.work, desk.memory, desk.sensed.motion
+def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> None:
+    work, memory, motion = arrays.work, arrays.memory, arrays.sensed.motion
     for row in range(work.me.shape[0]):
         if not work.awake[row]:
             continue
@@ -44,5 +44,5 @@ class Saber:
     def act(self, seen: Seen) -> NDArray[np.float64]:
         """Wanted acceleration (A, 2) m/s^2."""
         wanted = np.zeros((len(seen.awake), 2))
-        _act(seen.desk, self._gains, wanted)
+        _act(seen.arrays, self._gains, wanted)
         return wanted

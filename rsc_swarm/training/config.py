@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from protocols.mission import (
-    TICK_S,
+from protocols.dynamics import TICK_S
+from protocols.mission.document import (
     MissionError,
     NotNegative,
     Positive,

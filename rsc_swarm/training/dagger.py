@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from rsc_swarm.model_inputs import ModelInputs, model_inputs
+from rsc_swarm.batch.model_inputs import ModelInputs, model_inputs
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.export import export

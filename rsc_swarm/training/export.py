@@ -13,9 +13,9 @@ from torch import Tensor, nn
 from agent.observation import WIDE_SIZE
 from agent.policy.model_file import FORMAT
 from agent.policy.session import open_session
-from protocols.frames import OBSERVATION_SIZE
-from rsc_swarm.batch import NEIGHBOURS
-from rsc_swarm.model_inputs import ModelInputs
+from protocols.wire.frames import OBSERVATION_SIZE
+from rsc_swarm.batch.batch import NEIGHBOURS
+from rsc_swarm.batch.model_inputs import ModelInputs
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.network import PolicyNetwork
 

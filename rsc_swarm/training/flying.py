@@ -12,9 +12,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from protocols.mission import TICK_S, Mission, Obstacles, Trajectory
-from rsc_swarm.batch import Batch
-from rsc_swarm.batch_kernel import COLLIDED, FLYING, SUCCEEDED
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission, Obstacles, Trajectory
+from rsc_swarm.batch.batch import Batch
+from rsc_swarm.batch.kernel import COLLIDED, FLYING, SUCCEEDED
 from rsc_swarm.training.config import PAST, TrainingConfig
 from rsc_swarm.training.network import PolicyNetwork
 from rsc_swarm.training.replay import Replay, Samples

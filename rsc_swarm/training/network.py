@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from agent.observation import WIDE_SIZE
-from protocols.frames import OBSERVATION_SIZE
+from protocols.wire.frames import OBSERVATION_SIZE
 from rsc_swarm.training.config import PAST, TrainingConfig
 from rsc_swarm.training.plan import Plan
 

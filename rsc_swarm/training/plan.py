@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from protocols.mission import TICK_S
+from protocols.dynamics import TICK_S
 from rsc_swarm.training.config import TrainingConfig
 
 

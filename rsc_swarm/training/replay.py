@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from agent.observation import WIDE_SIZE
-from protocols.frames import OBSERVATION_SIZE
-from rsc_swarm.batch import NEIGHBOURS
+from protocols.wire.frames import OBSERVATION_SIZE
+from rsc_swarm.batch.batch import NEIGHBOURS
 from rsc_swarm.training.config import PAST, TrainingConfig
 from rsc_swarm.training.network import TARGET_SIZE
 

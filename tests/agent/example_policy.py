@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policy import Seen
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 
 
 class Homing:

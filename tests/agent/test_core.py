@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from agent.core import AgentCore
-from agent.desk import shape_of
 from agent.policy import PolicyError
-from protocols.frames import empty_frames
-from protocols.mission import Mission, parse_mission
-from protocols.sensed import empty_sensed
-from protocols.status import SWAP_COUNTS
-from rsc_swarm.simulate import Simulation, simulate
+from agent.rules import shape_of
+from protocols.mission.document import Mission, parse_mission
+from protocols.wire.frames import empty_frames
+from protocols.wire.sensed import empty_sensed
+from protocols.wire.status import SWAP_COUNTS
+from rsc_swarm.flight.simulate import Simulation, simulate
 
 
 def mission(**fields: Any) -> Mission:
@@ -66,7 +66,7 @@ def test_the_safety_filter_can_be_left_out() -> None:
 def test_scrambled_drones_sort_out_their_slots_and_all_come_to_know() -> None:
     simulation = flown(mission(start={"scrambled": True}, seed=6), 190)
     views = simulation.agents.views.slot_of
-    counts = [party.counts for party in simulation.agents.parties.party]
+    counts = [party.counts for party in simulation.agents.endpoints.endpoint]
     assert sum(count.committed for count in counts) > 0
     assert (views == views[0]).all(), "one view"
     assert simulation.world.claim[0].tolist() == views[0].tolist()
@@ -85,13 +85,13 @@ def test_the_slot_of_a_dead_leader_is_taken_and_only_a_leaf_stays_empty() -> Non
         mission(faults=faults, start={"radius_m": 1}, swap={"silent_s": 0.5, "rule": "tree"}), 199
     )
     assert simulation.agents.views.slot[0] == 1
-    assert simulation.agents.parties.party[0].counts.vacated == 1
+    assert simulation.agents.endpoints.endpoint[0].counts.vacated == 1
     assert {int(simulation.agents.views.slot_of[agent, 0]) for agent in (0, 2, 3, 4, 5)} == {1}
 
 
 def test_nobody_is_taken_for_dead_who_is_only_out_of_ones_own_reach() -> None:
     simulation = flown(mission(agents=25, start={"radius_m": 1}, swap={"silent_s": 0.5}), 150)
-    assert sum(party.counts.vacated for party in simulation.agents.parties.party) == 0
+    assert sum(party.counts.vacated for party in simulation.agents.endpoints.endpoint) == 0
     # Corner to corner it is eight hops, and every hop rounds up to the next tenth of a second.
     assert (simulation.clock - 1 - simulation.agents.memory.last_seen[0, 24]) < 100
 

@@ -7,8 +7,8 @@ import pytest
 
 from agent.control.detour import STALLED_TICKS, leave_pocket, next_corner
 from agent.memory import Memory, empty_memory
-from protocols.mission import parse_mission
-from rsc_swarm.simulate import simulate
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.simulate import simulate
 
 CUP = [
     (3.0, 3.0, 1.5),

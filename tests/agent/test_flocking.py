@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from agent.control.flocking import Flocking, alpha_term, beta_term, bump, flocking, gamma_term, sigma_norm
-from protocols.mission import parse_mission
-from rsc_swarm.simulate import simulate
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.simulate import simulate
 
 GAINS = Flocking(spacing_m=5.0, range_m=6.0)
 

@@ -63,16 +63,16 @@ def test_the_protocols_know_no_clock_no_network_and_no_processes() -> None:
 def test_the_cores_know_no_clock_and_no_network() -> None:
     cores = [
         ROOT / "agent" / name
-        for name in ("core.py", "cycle.py", "perceive.py", "observation.py", "parties.py")
+        for name in ("core.py", "tick.py", "perceive.py", "observation.py", "slot_endpoints.py")
     ]
     cores += [
         ROOT / "world" / name
-        for name in ("core.py", "physics.py", "medium.py", "referee.py", "field.py", "watch.py")
+        for name in ("core.py", "plant.py", "medium/medium.py", "referee.py", "field.py", "invariants.py")
     ]
     assert {path.name: imports(path) & PURE for path in cores if imports(path) & PURE} == {}
 
 
-@pytest.mark.parametrize("module", ["agent.process", "agent.core", "world.server"])
+@pytest.mark.parametrize("module", ["agent.process", "agent.core", "world.server.session"])
 def test_no_learning_framework_and_no_command_line_is_loaded_in_flight(module: str) -> None:
     loaded = subprocess.run(
         [sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"],

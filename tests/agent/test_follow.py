@@ -6,8 +6,8 @@ import pytest
 from agent.control.follow import Following, follow_row, following_of, track_row
 from agent.control.gains import REACTIVE
 from agent.policy.analytic_kernel import analytic
-from protocols.dynamics import integrate
-from protocols.mission import TICK_S, Trajectory, parse_mission
+from protocols.dynamics import TICK_S, integrate
+from protocols.mission.document import Trajectory, parse_mission
 
 SMOOTH = Following(required=False, blend_radius_m=0.0)
 REQUIRED = Following(required=True, blend_radius_m=0.0)

@@ -11,9 +11,10 @@ import pytest
 
 from agent.policy import PolicyError, find_policy, policy_names, session
 from agent.policy.model_file import SHIPPED, shipped_models
-from protocols.frames import OBSERVATION_UNIT
-from protocols.mission import TICK_S, Mission, parse_mission
-from rsc_swarm.simulate import Simulation, simulate
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission, parse_mission
+from protocols.wire.frames import OBSERVATION_UNIT
+from rsc_swarm.flight.simulate import Simulation, simulate
 from tests import loopback
 from tests.models import random_model, straight_on, written
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from agent.memory import empty_memory
 from agent.observation import aim_row, observe_row
-from protocols.formation import build_formation, shape_points
+from protocols.mission.formation import build_formation, shape_points
 from protocols.relative import UNKNOWN
-from protocols.sensed import empty_sensed
+from protocols.wire.sensed import empty_sensed
 
 REACH = 6.0
 Vector = tuple[float, float]

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from agent.desk import Rules, empty_work, rules_of
 from agent.memory import Memory, empty_memory, forget
 from agent.perceive import compose_row, find_neighbours, hear_frame, recall_obstacles
-from protocols.frames import AGE_NEVER, OBSERVATION_UNIT, Frames, empty_frames
-from protocols.mission import parse_mission
+from agent.rules import rules_of
+from agent.tick_arrays import Rules, empty_work
+from protocols.mission.document import parse_mission
 from protocols.relative import NEVER, UNKNOWN
-from protocols.sensed import empty_sensed
+from protocols.wire.frames import AGE_NEVER, OBSERVATION_UNIT, Frames, empty_frames
+from protocols.wire.sensed import empty_sensed
 
 N = 10
 

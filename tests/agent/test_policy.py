@@ -10,8 +10,8 @@ from agent.policy import PolicyError, base, find_policy, policy_names
 from agent.policy.analytic import Analytic
 from agent.policy.cruise import Cruise
 from agent.policy.model_file import shipped_models
-from protocols.mission import Mission, parse_mission
-from rsc_swarm.simulate import Simulation, simulate
+from protocols.mission.document import Mission, parse_mission
+from rsc_swarm.flight.simulate import Simulation, simulate
 from tests.agent.example_policy import Homing
 
 MISSION = parse_mission({"agents": 6})

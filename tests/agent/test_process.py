@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent import cycle, process
+from agent import process
+from agent import tick as cycle
 from agent.process import Drone, fly
-from protocols import messages
-from protocols.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
-from protocols.mission import parse_mission
-from protocols.sensed import SensedPacker, empty_sensed
-from protocols.swap import SlotNote, encode
-from rsc_swarm.simulate import Simulation
+from protocols.mission.document import parse_mission
+from protocols.slots.agreement import SlotNote, encode
+from protocols.wire import messages
+from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
+from protocols.wire.sensed import SensedPacker, empty_sensed
+from rsc_swarm.flight.simulate import Simulation
 from tests import loopback
 
 MISSION = parse_mission({"agents": 6})

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import msgpack
 
-from protocols.slots import Checkpoint, Swap
-from protocols.swap import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, decode, encode
+from protocols.slots.agreement import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, decode, encode
+from protocols.slots.history import Checkpoint, Swap
 
 QUICK = SwapRules(
     cooldown_ticks=3,
@@ -41,7 +41,7 @@ class Swarm:
 
     def __init__(self, n: int, rules: SwapRules = QUICK) -> None:
         self.n, self.rules, self.tick = n, rules, 0
-        self.parties = [SlotParty(agent, range(n), rules) for agent in range(n)]
+        self.endpoints = [SlotParty(agent, range(n), rules) for agent in range(n)]
         self.boots = [0] * n
         self.alive = set(range(n))
         self.links = {(a, b) for a in range(n) for b in range(n) if a != b}
@@ -50,7 +50,7 @@ class Swarm:
 
     @property
     def living(self) -> list[SlotParty]:
-        return [self.parties[agent] for agent in sorted(self.alive)]
+        return [self.endpoints[agent] for agent in sorted(self.alive)]
 
     def propose(self, agent: int, partner: int) -> str:
         """Empty if the proposal was made, else why not."""
@@ -61,7 +61,7 @@ class Swarm:
 
     def say(self, agent: int) -> SlotNote:
         """One broadcast: a frame to everyone in reach is now in the air."""
-        note = self.parties[agent].note(self.tick)
+        note = self.endpoints[agent].note(self.tick)
         note = decode(msgpack.unpackb(msgpack.packb(encode(note))), self.n)
         self.air += [Packet(agent, other, note) for other in range(self.n) if (agent, other) in self.links]
         return note
@@ -79,7 +79,7 @@ class Swarm:
         """A frame arrives; `keep` leaves a double of it in the air."""
         src, dst, note = self.air[index] if keep else self.air.pop(index)
         if dst in self.alive:
-            self.parties[dst].hear(note, src, self.tick, willing)
+            self.endpoints[dst].hear(note, src, self.tick, willing)
             self.oracle.look(note)
 
     def drop(self, index: int) -> None:
@@ -125,19 +125,19 @@ class Swarm:
     def restart(self, agent: int) -> None:
         """It remembers nothing but its mission and the number of its boot."""
         self.boots[agent] += 1
-        self.parties[agent] = SlotParty(
+        self.endpoints[agent] = SlotParty(
             agent, range(self.n), self.rules, nonce=self.boots[agent], amnesiac=True
         )
         self.oracle.forget(agent)
         self.alive.add(agent)
 
     def _try(self, agent: int, act: object) -> str:
-        party = self.parties[agent]
-        before = party.mind()
+        party = self.endpoints[agent]
+        before = party.state_key()
         try:
             act(party)  # type: ignore[operator]
         except IllegalSwap as refusal:
-            assert party.mind() == before, "an illegal event changed the party"
+            assert party.state_key() == before, "an illegal event changed the party"
             return str(refusal)
         self.oracle.look()
         return ""
@@ -159,7 +159,7 @@ class Oracle:
         self.known: list[frozenset[Swap]] = [frozenset()] * swarm.n
         self._knew: list[frozenset[Swap]] = [frozenset()] * swarm.n  # what was forgotten included
         self._forced = False
-        self._start = swarm.parties[0].book.base
+        self._start = swarm.endpoints[0].book.base
         self._swaps_in = {self._start: frozenset[Swap]()}
         self._base = [self._start] * swarm.n
         self._seen: list[object] = [None] * swarm.n
@@ -171,7 +171,7 @@ class Oracle:
 
     def look(self, heard: SlotNote | None = None) -> None:
         """Check everybody, after a step in which one party heard this note."""
-        for agent, party in enumerate(self._swarm.parties):
+        for agent, party in enumerate(self._swarm.endpoints):
             deal = party.deal
             if deal is not None and party.stance is Stance.PROMISED:
                 self._agreed.add((deal.proposer, deal.nonce, agent))
@@ -187,7 +187,7 @@ class Oracle:
         now = self._swaps_in[book.base] | set(book.open)
         self.known[agent], self._base[agent] = now, book.base
         self._knew[agent] |= now
-        self._forced |= any(other.counts.forced for other in self._swarm.parties)
+        self._forced |= any(other.counts.forced for other in self._swarm.endpoints)
         if not self._forced:
             assert all(self._swaps_in[book.base] <= knew for knew in self._knew), "folded too early"
         assert sorted(party.slot_of) == list(range(self._swarm.n)), "not a permutation"

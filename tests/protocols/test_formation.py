@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.formation import NO_PARENT, Formation, build_formation, default_shape, shape_points
+from protocols.mission.formation import NO_PARENT, Formation, build_formation, default_shape, shape_points
 
 
 def formation(shape: str, agents: int, spacing: float = 5.0) -> Formation:

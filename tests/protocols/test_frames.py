@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.frames import (
+from protocols.slots.agreement import SlotNote, decode, encode
+from protocols.wire.frames import (
     FIXED,
     MAX_FRAME_BYTES,
     MAX_KNOWN,
@@ -22,7 +23,6 @@ from protocols.frames import (
     fault,
     swarm_tag,
 )
-from protocols.swap import SlotNote, decode, encode
 
 AGENTS = 25
 TAG = swarm_tag("rsc")

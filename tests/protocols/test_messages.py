@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols import messages
-from protocols.messages import MessageError
-from protocols.sensed import MAX_NEAR, SensedPacker, SensedReader, empty_sensed
-from protocols.status import SWAP_COUNTS, AgentStatus, parse_status
+from protocols.wire import messages
+from protocols.wire.messages import MessageError
+from protocols.wire.sensed import MAX_NEAR, SensedPacker, SensedReader, empty_sensed
+from protocols.wire.status import SWAP_COUNTS, AgentStatus, parse_status
 
 STATUS = AgentStatus(3, 4, (0,) * 7, (0,) * len(SWAP_COUNTS), 99, bytes(range(6)))
 

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.mission import Mission, MissionError, parse_mission, read_mission_fields
+from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
 
 SHIPPED = Path(__file__).resolve().parents[2] / "rsc_swarm" / "missions"
 

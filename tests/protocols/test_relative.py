@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from agent.policy import Seen
-from protocols.mission import Mission, parse_mission
+from protocols.mission.document import Mission, parse_mission
 from protocols.relative import NEVER, UNKNOWN, chain_displacements
-from rsc_swarm.simulate import Simulation
+from rsc_swarm.flight.simulate import Simulation
 
 Heard = dict[int, tuple[int, dict[int, tuple[float, float]], dict[int, tuple[float, float]]]]
 

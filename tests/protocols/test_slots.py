@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from protocols.slots import Checkpoint, Mark, SlotBook, Swap, hash_swap
+from protocols.slots.history import Checkpoint, Mark, SlotBook, Swap, hash_swap
 
 
 def swap(counter: int, a: int, b: int, slot_a: int, slot_b: int, nonce: int = 1) -> Swap:

@@ -7,8 +7,8 @@ from copy import copy
 import msgpack
 import pytest
 
-from protocols.swap import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, encode
-from protocols.swap_notes import Refusal
+from protocols.slots.agreement import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, encode
+from protocols.slots.notes import Refusal
 
 RULES = SwapRules()
 
@@ -82,10 +82,10 @@ def test_an_illegal_event_raises_and_changes_nothing(stance: str, act: str) -> N
         tell(b, a)
     elif stance == "amnesiac":
         a = SlotParty(0, range(3), RULES, nonce=1, amnesiac=True)
-    before = a.mind()
+    before = a.state_key()
     with pytest.raises(IllegalSwap):
         getattr(a, act)(other, tick=0)
-    assert a.mind() == before
+    assert a.state_key() == before
 
 
 def test_both_cool_down_after_a_commit() -> None:
@@ -274,9 +274,9 @@ def test_the_quiet_cost_eleven_bytes_and_hear_nothing_new() -> None:
     assert note.settled
     assert len(msgpack.packb(encode(note))) <= 11
     assert a.quiet
-    before = b.mind()
+    before = b.state_key()
     tell(a, b)
-    assert b.mind() == before
+    assert b.state_key() == before
     assert a.note(5) is a.note(6)
 
 

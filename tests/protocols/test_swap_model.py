@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from swap_net import QUICK, Swarm
 
-from protocols.swap import Stance
+from protocols.slots.agreement import Stance
 
 DEEP = os.environ.get("RSC_SWARM_DEEP") == "1"
 agents = st.integers(0, 5)
@@ -127,7 +127,7 @@ class SwapSchedules(RuleBasedStateMachine):
 
     def _keepers_besides(self, agent: int) -> list[int]:
         """Who could still tell an amnesiac where everybody is."""
-        parties = enumerate(self.swarm.parties)
+        parties = enumerate(self.swarm.endpoints)
         keepers = [i for i, party in parties if party.stance is not Stance.AMNESIAC and i in self.swarm.alive]
         return [i for i in keepers if i != agent]
 
@@ -135,7 +135,7 @@ class SwapSchedules(RuleBasedStateMachine):
     def views_agree_where_knowledge_does(self) -> None:
         if hasattr(self, "swarm"):
             views = {}
-            for party in self.swarm.parties:
+            for party in self.swarm.endpoints:
                 assert views.setdefault(party.digest, party.slot_of) == party.slot_of
 
     def teardown(self) -> None:
@@ -154,14 +154,14 @@ class SwapSchedules(RuleBasedStateMachine):
             swarm.heal()
         for _ in range(rounds_to_agree(swarm, diameter)):
             swarm.round()
-        assert len({party.slot_of for party in swarm.parties}) == 1, "views differ after healing"
-        assert len({party.digest for party in swarm.parties}) == 1, "knowledge differs after healing"
+        assert len({party.slot_of for party in swarm.endpoints}) == 1, "views differ after healing"
+        assert len({party.digest for party in swarm.endpoints}) == 1, "knowledge differs after healing"
         assert not self.lossless or survivors <= swarm.oracle.known[0], "a swap got lost"
         swarm.wait(swarm.rules.lock_ticks)
-        assert all(party.stance is Stance.IDLE for party in swarm.parties), "a deal outlived its time-out"
+        assert all(party.stance is Stance.IDLE for party in swarm.endpoints), "a deal outlived its time-out"
         for _ in range(rounds_to_settle(swarm, diameter)):
             swarm.round()
-        assert all(party.quiet for party in swarm.parties), "something is still open"
+        assert all(party.quiet for party in swarm.endpoints), "something is still open"
 
 
 SwapSchedules.TestCase.settings = settings(

@@ -7,8 +7,8 @@ from typing import Any
 import msgpack
 import pytest
 
-from protocols.slots import Checkpoint, Mark, Swap
-from protocols.swap_notes import Acceptance, Proposal, Refusal, SlotNote, decode, encode
+from protocols.slots.history import Checkpoint, Mark, Swap
+from protocols.slots.notes import Acceptance, Proposal, Refusal, SlotNote, decode, encode
 
 FULL = SlotNote(
     digest=2**64 - 1,

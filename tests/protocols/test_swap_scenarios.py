@@ -29,7 +29,7 @@ from pathlib import Path
 import pytest
 from swap_net import Swarm
 
-from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
+from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapRules
 
 FOLDER = Path(__file__).parent / "scenarios"
 SCRIPTS = sorted(path for path in FOLDER.glob("*.txt") if not path.name.endswith(".out.txt"))
@@ -87,11 +87,11 @@ class Transcript:
             raise ValueError(f"no such command: {verb}")
 
     def _watch(self, act: Callable[[], object]) -> None:
-        before = [snapshot(party) for party in self.swarm.parties]
+        before = [snapshot(party) for party in self.swarm.endpoints]
         refusal = act()
         if refusal:
             self._write(f"not allowed: {refusal}")
-        for agent, party in enumerate(self.swarm.parties):
+        for agent, party in enumerate(self.swarm.endpoints):
             for event in events(before[agent], snapshot(party)):
                 self._write(f"{agent} {event}")
 

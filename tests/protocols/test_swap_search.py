@@ -35,7 +35,7 @@ from typing import NamedTuple
 
 import pytest
 
-from protocols.swap import SlotNote, SlotParty, Stance, SwapRules
+from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapRules
 
 DEEP = os.environ.get("RSC_SWARM_DEEP") == "1"
 RULES = SwapRules(
@@ -74,7 +74,7 @@ class Seat(NamedTuple):
     def after(self, act: str, *arguments: object) -> Seat:
         party = copy(self.party)
         getattr(party, act)(*arguments, self.tick)
-        return self._replace(party=party, mind=hash(party.mind(self.tick)))
+        return self._replace(party=party, mind=hash(party.state_key(self.tick)))
 
 
 class State(NamedTuple):
@@ -111,7 +111,7 @@ def successors(state: State, alphabet: Alphabet) -> Iterator[State]:
             if any(state.seats[o].party.stance is not Stance.AMNESIAC for o in state.living if o != agent):
                 number = state.restarts + 1
                 party = SlotParty(agent, range(alphabet.agents), RULES, nonce=number, amnesiac=True)
-                yield state.seat(agent, Seat(party, 0, hash(party.mind())))._replace(restarts=number)
+                yield state.seat(agent, Seat(party, 0, hash(party.state_key())))._replace(restarts=number)
     for i, (speaker, listener, note) in enumerate(state.late):
         if state.seats[listener].alive:
             heard = _heard(state, speaker, (listener,), note)
@@ -150,7 +150,7 @@ def _spoken(state: State, agent: int) -> tuple[SlotNote, State]:
     note = party.note(seat.tick)
     if note.quiet and seat.party.quiet:
         return note, state
-    return note, state.seat(agent, seat._replace(party=party, mind=hash(party.mind(seat.tick))))
+    return note, state.seat(agent, seat._replace(party=party, mind=hash(party.state_key(seat.tick))))
 
 
 def _heard(state: State, speaker: int, listeners: tuple[int, ...], note: SlotNote) -> State:
@@ -207,7 +207,7 @@ class Found(NamedTuple):
 def search(alphabet: Alphabet) -> Found:
     n = alphabet.agents
     parties = [SlotParty(agent, range(n), RULES) for agent in range(n)]
-    start = State(tuple(Seat(party, 0, hash(party.mind())) for party in parties))
+    start = State(tuple(Seat(party, 0, hash(party.state_key())) for party in parties))
     seen, views, healing = {start.key()}, {}, Healing()
     frontier, undone, rounds = [start], 0, 0
     for _ in range(alphabet.depth):

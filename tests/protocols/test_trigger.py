@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from protocols.formation import build_formation, shape_points
+from protocols.mission.formation import build_formation, shape_points
 from protocols.relative import UNKNOWN
-from protocols.trigger import (
+from protocols.slots.trigger import (
     CONTACT,
     NOBODY,
     TREE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from protocols.swap import IllegalSwap, Stance, SwapRules
-from protocols.versioned import VersionedParty
+from protocols.slots.agreement import IllegalSwap, Stance, SwapRules
+from protocols.slots.highest_version import VersionedParty
 
 RULES = SwapRules()
 

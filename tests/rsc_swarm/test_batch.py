@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from agent.control.detour import STALLED_TICKS
-from protocols.mission import Mission, MissionError, parse_mission
-from rsc_swarm.batch import Batch
-from rsc_swarm.batch_kernel import FLYING, SUCCEEDED
-from rsc_swarm.simulate import Simulation, simulate
+from protocols.mission.document import Mission, MissionError, parse_mission
+from rsc_swarm.batch.batch import Batch
+from rsc_swarm.batch.kernel import FLYING, SUCCEEDED
+from rsc_swarm.flight.simulate import Simulation, simulate
 
 
 def missions(count: int, **fields: Any) -> list[Mission]:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from rsc_swarm import cli
-from rsc_swarm.report import FlightReport
+from rsc_swarm.cli import main as cli
+from rsc_swarm.show.report import FlightReport
 
-COMMAND = [sys.executable, "-m", "rsc_swarm.cli"]
+COMMAND = [sys.executable, "-m", "rsc_swarm.cli.main"]
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_even_a_bug_is_one_line_and_exit_code_3(run, monkeypatch):
     def broken(*_: object) -> int:
         raise ZeroDivisionError("division by\nzero")
 
-    monkeypatch.setattr("rsc_swarm.fly_command.simulate", broken)
+    monkeypatch.setattr("rsc_swarm.cli.fly.simulate", broken)
     code, _, err = run("simulate")
     assert code == 3
     assert err.startswith(
@@ -119,7 +119,7 @@ def test_a_broken_run_is_exit_code_3(run, monkeypatch):
     def broken(*_: object) -> int:
         raise RunBroken("agent 3 ended before the flight began")
 
-    monkeypatch.setattr("rsc_swarm.fly_command.launch", broken)
+    monkeypatch.setattr("rsc_swarm.cli.fly.launch", broken)
     code, _, err = run("launch")
     assert (code, err) == (3, "rsc-swarm: agent 3 ended before the flight began\n")
 
@@ -165,7 +165,7 @@ def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
 
 def test_help_and_version_answer_without_loading_anything_heavy():
     heavy = "{'numba', 'numpy', 'pydantic', 'matplotlib', 'zenoh', 'yaml'}"
-    code = f"import sys, rsc_swarm.cli; print({heavy} & set(sys.modules))"
+    code = f"import sys, rsc_swarm.cli.main; print({heavy} & set(sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
     said = subprocess.run(
         [*COMMAND, "simulate", "--help"], capture_output=True, text=True, env={**os.environ, "NO_COLOR": "1"}

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from protocols.mission import Mission, MissionError
-from rsc_swarm import crew
-from rsc_swarm.crew import CrewError, Flight, fly_all, fly_batch
-from rsc_swarm.evaluate import (
+from protocols.mission.document import Mission, MissionError
+from rsc_swarm.cli.evaluate import render
+from rsc_swarm.flight.simulate import simulate
+from rsc_swarm.show.render import plain
+from rsc_swarm.study import workers as crew
+from rsc_swarm.study.evaluate import (
     Evaluation,
     Watcher,
     evaluate,
@@ -20,10 +22,8 @@ from rsc_swarm.evaluate import (
     summarise,
     wilson,
 )
-from rsc_swarm.evaluate_command import render
-from rsc_swarm.journal import Journal, JournalError, fingerprint
-from rsc_swarm.render import plain
-from rsc_swarm.simulate import simulate
+from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError, fingerprint
+from rsc_swarm.study.workers import Flight, WorkerError, fly_all, fly_batch
 from tests.models import straight_on, written
 from world.field import FieldError
 
@@ -153,10 +153,10 @@ def test_a_journal_is_of_one_model_file(tmp_path):
 
 def test_two_evaluations_do_not_write_one_journal(tmp_path):
     with (
-        Journal(tmp_path / "j.jsonl"),
-        pytest.raises(JournalError, match="another evaluation is writing here"),
+        FinishedFlights(tmp_path / "j.jsonl"),
+        pytest.raises(FinishedFlightsError, match="another evaluation is writing here"),
     ):
-        Journal(tmp_path / "j.jsonl")
+        FinishedFlights(tmp_path / "j.jsonl")
 
 
 def test_a_dead_worker_is_an_error_and_not_a_silence(monkeypatch):
@@ -164,7 +164,7 @@ def test_a_dead_worker_is_an_error_and_not_a_silence(monkeypatch):
         os.kill(os.getpid(), signal.SIGKILL)
 
     monkeypatch.setattr(crew, "fly_batch", die)
-    with pytest.raises(CrewError, match="worker 0 died"):
+    with pytest.raises(WorkerError, match="worker 0 died"):
         list(fly_all(SHORT, SEEDS, 1))
 
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from protocols.mission import Mission, MissionError
-from rsc_swarm.mission_command import about
-from rsc_swarm.options import (
+from protocols.mission.document import Mission, MissionError
+from rsc_swarm.cli.mission import about
+from rsc_swarm.cli.options import (
     SHIPPED,
     Formation,
     MissionOptions,
@@ -15,7 +15,7 @@ from rsc_swarm.options import (
     resolve,
     shipped_missions,
 )
-from rsc_swarm.rundir import mission_yaml
+from rsc_swarm.flight.run_dir import mission_yaml
 from world.field import draw_obstacles, draw_start
 
 

@@ -6,18 +6,18 @@ import sys
 import numpy as np
 import pytest
 
-from protocols.mission import Mission
-from rsc_swarm import plot_command
-from rsc_swarm.canvas import PlotError
-from rsc_swarm.evaluate import wilson
-from rsc_swarm.flight import fly
-from rsc_swarm.options import MissionOptions
-from rsc_swarm.plot import Track, _collision, _edges, draw, load_track
-from rsc_swarm.plot_command import Subject
-from rsc_swarm.plot_curves import read_curve
-from rsc_swarm.rundir import RunDir, RunDirError
-from rsc_swarm.tables.result import RowResult, TableResult, write_table
-from rsc_swarm.tables.rows import Paper
+from protocols.mission.document import Mission
+from rsc_swarm.cli import plot as plot_command
+from rsc_swarm.cli.options import MissionOptions
+from rsc_swarm.cli.plot import Subject
+from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.show.plots.curves import read_curve
+from rsc_swarm.show.plots.flight import Track, _collision, _edges, draw, load_track
+from rsc_swarm.show.plots.style import PlotError
+from rsc_swarm.study.evaluate import wilson
+from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
+from rsc_swarm.study.tables.rows import Paper
 
 pytest.importorskip("matplotlib")
 

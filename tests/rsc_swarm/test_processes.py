@@ -21,9 +21,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PREAMBLE = """
 import os, signal, sys, time
 from pathlib import Path
-from rsc_swarm.processes import Supervisor, leave_on_sigterm
-from rsc_swarm.run_folder import RunFolder
-from rsc_swarm.rundir import write_whole
+from rsc_swarm.flight.processes import Supervisor, leave_on_sigterm
+from rsc_swarm.flight.socket_folder import RunFolder
+from rsc_swarm.flight.run_dir import write_whole
 
 here = Path(sys.argv[1])
 
@@ -359,7 +359,7 @@ def test_a_launcher_that_has_opened_zenoh_is_told_so_instead_of_hanging(
 def test_the_bare_echo_runs_and_leaves_nothing_behind(tell: Callable[[str], list[str]], here: Path) -> None:
     lines = tell(
         """
-        from rsc_swarm.bench_echo import bare_echo
+        from rsc_swarm.bench.echo import bare_echo
         print(bare_echo(agents=3, ticks=100) > 20.0)
         try:
             bare_echo(agents=1, endpoint="unixsock-stream//no/such/folder/world.sock")
@@ -377,8 +377,8 @@ def test_a_frozen_drone_does_not_hold_up_the_world_and_hears_again_when_thawed(
 ) -> None:
     lines = tell(
         """
-        from agent.link import AgentLink
-        from world.link import Credentials, WorldLink
+        from agent.radio.link import AgentLink
+        from world.server.link import Credentials, WorldLink
 
         credentials = Credentials.fresh("wedge", 1)
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from protocols.mission import Mission
-from rsc_swarm.flight import fly
-from rsc_swarm.render import plain, render
-from rsc_swarm.report import FlightReport, describe, describe_failure, report_of
-from rsc_swarm.report_schema import json_schema, markdown
+from protocols.mission.document import Mission
+from rsc_swarm.flight.in_process import fly
+from rsc_swarm.show.render import plain, render
+from rsc_swarm.show.report import FlightReport, describe, describe_failure, report_of
+from rsc_swarm.show.report_schema import json_schema, markdown
 from world.core import Outcome
 
 SMALL = Mission(agents=4, map_seed=2)

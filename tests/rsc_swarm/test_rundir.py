@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from protocols.mission import Mission, parse_mission, read_mission_fields
-from rsc_swarm.flight import fly
-from rsc_swarm.render import plain, render
-from rsc_swarm.report import report_of
-from rsc_swarm.rundir import RunDir, RunDirError
+from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.show.render import plain, render
+from rsc_swarm.show.report import report_of
 
 SMALL = Mission(agents=4, time_limit_s=1.0)
 

@@ -9,15 +9,15 @@ from types import ModuleType
 
 import pytest
 
-from protocols.mission import Mission, MissionError
-from rsc_swarm.crew import CrewError, Flight
-from rsc_swarm.evaluate import seeds_of
-from rsc_swarm.options import MissionOptions, resolve
-from rsc_swarm.tables import command, flying, foresight, rows
-from rsc_swarm.tables.foresight import accuracy_of
-from rsc_swarm.tables.markdown import cells, drawn, legend, markdown, page
-from rsc_swarm.tables.result import TableError, as_csv, path_of, read_table, read_tables
-from rsc_swarm.tables.rows import TABLES, Paper, Place, Row, Table, Way, chosen
+from protocols.mission.document import Mission, MissionError
+from rsc_swarm.cli.options import MissionOptions, resolve
+from rsc_swarm.study.evaluate import seeds_of
+from rsc_swarm.study.tables import command, flying, foresight, rows
+from rsc_swarm.study.tables.markdown import cells, drawn, legend, markdown, page
+from rsc_swarm.study.tables.plan_error import accuracy_of
+from rsc_swarm.study.tables.result import TableError, as_csv, path_of, read_table, read_tables
+from rsc_swarm.study.tables.rows import TABLES, Paper, Place, Row, Table, Way, chosen
+from rsc_swarm.study.workers import Flight, WorkerError
 
 HERE = Place("here", "4 drones", MissionOptions(agents=4, set=["time_limit_s=0.3"]))
 PAPER = Paper(83.0, 13.17, 7.9, 2.5)
@@ -210,7 +210,7 @@ def measured(tmp_path, monkeypatch):
     monkeypatch.setattr(foresight, "SHIPPED", tmp_path)
 
     def put(mae: object) -> Path:
-        module = ModuleType("rsc_swarm.accuracy")
+        module = ModuleType("rsc_swarm.study.accuracy")
         module.mae = mae  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, module.__name__, module)
         return tmp_path / "rsc-h20.code.journal.jsonl"
@@ -235,5 +235,5 @@ def test_a_models_foresight_is_measured_once_in_a_process_of_its_own(measured):
     ],
 )
 def test_a_measurement_that_breaks_is_one_line(measured, mae, complaint):
-    with pytest.raises(CrewError, match=complaint):
+    with pytest.raises(WorkerError, match=complaint):
         accuracy_of(MODEL, measured(mae), SEEDS)

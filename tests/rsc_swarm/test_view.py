@@ -7,10 +7,10 @@ import threading
 import pytest
 from rich.console import Console
 
-from protocols.mission import Mission
-from rsc_swarm.flight import fly
-from rsc_swarm.view import View, line, picture
-from world.telemetry import Snapshot
+from protocols.mission.document import Mission
+from rsc_swarm.flight.in_process import fly
+from rsc_swarm.show.view import View, line, picture
+from world.outlets.snapshot import Snapshot
 
 
 def snapshots(agents: int, **fields: object) -> list[Snapshot]:

@@ -20,8 +20,8 @@ Fields = dict[str, Any]
 
 _FLY = """
 import dataclasses, json, sys
-from protocols.mission import parse_mission
-from rsc_swarm.launch import launch
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.launch import launch
 
 clock, tasks = json.loads(sys.argv[1])
 for fields in tasks:
@@ -41,8 +41,8 @@ for fields in tasks:
 _FLY_WATCHED = """
 import json, sys
 from pathlib import Path
-from protocols.mission import parse_mission
-from rsc_swarm.launch import RunBroken, launch
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.launch import RunBroken, launch
 
 fields, here = json.loads(sys.argv[1])
 def show(picture):

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from protocols.mission import parse_mission
-from rsc_swarm.batch import Batch
-from rsc_swarm.launch import launch
-from rsc_swarm.simulate import Simulation
+from protocols.mission.document import parse_mission
+from rsc_swarm.batch.batch import Batch
+from rsc_swarm.flight.launch import launch
+from rsc_swarm.flight.simulate import Simulation
 
 MISSION = parse_mission(
     {"agents": 6, "policy": "analytic", "swap": {"rule": "off"}, "map_seed": 1_000_003, "time_limit_s": 2.0}

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from protocols.mission import parse_mission
-from rsc_swarm.simulate import simulate
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.simulate import simulate
 from tests import loopback
 from tests.models import random_model
 from tests.scenarios.flights import Fields, launched

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from agent.observation import WIDE_SIZE
-from protocols.mission import TICK_S
-from rsc_swarm.model_inputs import model_inputs
+from protocols.dynamics import TICK_S
+from rsc_swarm.batch.model_inputs import model_inputs
 from rsc_swarm.training.config import make_config
 from rsc_swarm.training.flying import continued
 from rsc_swarm.training.network import make_network, neighbour_shares

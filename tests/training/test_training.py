@@ -9,7 +9,7 @@ import torch
 import yaml
 
 from agent.observation import WIDE_SIZE
-from rsc_swarm import cli
+from rsc_swarm.cli import main as cli
 from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
@@ -164,8 +164,8 @@ import numpy as np
 from pathlib import Path
 from agent.policy.model_file import read_model
 from agent.policy.session import open_session
-from protocols.mission import Mission
-from rsc_swarm.accuracy import mae
+from protocols.mission.document import Mission
+from rsc_swarm.study.accuracy import mae
 session = open_session(Path(sys.argv[1]).read_bytes())
 shapes = {value.name: [1, *value.shape[1:]] for value in session.get_inputs()}
 said = session.run(None, {name: np.ones(shape, np.float32) for name, shape in shapes.items()})

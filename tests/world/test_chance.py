@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.kernels import kernel
-from world import chance
+from world.medium import chance
 
 
 @kernel

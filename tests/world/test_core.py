@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.mission import Mission, parse_mission
-from rsc_swarm.simulate import Simulation, simulate
+from protocols.mission.document import Mission, parse_mission
+from rsc_swarm.flight.simulate import Simulation, simulate
 from world.core import WorldCore
 
 
@@ -171,7 +171,7 @@ def test_the_digest_sees_the_smallest_step_aside() -> None:
 
 
 def test_a_dense_swarms_frames_have_the_size_the_wire_would_give_them() -> None:
-    from protocols.swap import SlotNote, encode
+    from protocols.slots.agreement import SlotNote, encode
 
     crowd = mission(agents=49, formation={"spacing_m": 2.5}, start={"radius_m": 0}, time_limit_s=0.05)
     simulation = Simulation([crowd])

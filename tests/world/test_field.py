@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols.mission import Mission, parse_mission
+from protocols.mission.document import Mission, parse_mission
 from world.field import FieldError, draw_obstacles, draw_slots, draw_start
 
 

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 import zenoh
 
-from agent.link import AgentLink
-from protocols import keys
-from protocols.keys import LinkError, Login
-from world.link import Credentials, WorldLink
+from agent.radio.link import AgentLink
+from protocols.wire import keys
+from protocols.wire.keys import LinkError, Login
+from world.server.link import Credentials, WorldLink
 
 SWARM = "wedge"
 PATIENCE_S = 3.0

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from protocols.mission import Mission, parse_mission
-from world import chance, medium
+from protocols.mission.document import Mission, parse_mission
+from world.medium import chance, medium
 
 Frame = tuple[int, int, int, int]  # sent at, from, to, arrived at
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.mission import parse_mission
+from protocols.mission.document import parse_mission
 from world.core import WorldCore
 
 COAST = np.zeros((3, 2))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from protocols.mission import Mission
+from protocols.mission.document import Mission
 from world.core import WorldCore
-from world.recorder import Recorder
+from world.outlets.recorder import Recorder
 
 
 def test_a_long_flight_is_kept_whole(tmp_path):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.mission import parse_mission
+from protocols.mission.document import parse_mission
 from world.core import Outcome, WorldCore
 
 # Five slots abreast: 0 1 2 3 4 from right to left, 2 the root, 0 and 4 the leaves.

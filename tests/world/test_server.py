@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from agent.process import Drone
-from protocols import messages
-from protocols.mission import Mission, parse_mission
-from protocols.status import SWAP_COUNTS
-from rsc_swarm.simulate import simulate
+from protocols.mission.document import Mission, parse_mission
+from protocols.wire import messages
+from protocols.wire.status import SWAP_COUNTS
+from rsc_swarm.flight.simulate import simulate
 from tests.loopback import Loopback, fly
-from world import server
-from world.server import Clock, ServerError, WorldServer
+from world.server import session as server
+from world.server.session import Clock, ServerError, WorldServer
 
 REPLY = messages.REPLY
 NAN, INF = float("nan"), float("inf")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from protocols.status import SWAP_COUNTS, AgentStatus
-from world.watch import Watch
+from protocols.wire.status import SWAP_COUNTS, AgentStatus
+from world.invariants import Watch
 
 FIRST, SWAPPED = bytes([0, 1, 2]), bytes([1, 0, 2])
 ALL = [0, 1, 2]

@@ -1,0 +1,129 @@
+"""An agent's end of the wire: a Zenoh client that speaks to the world on one key and hears it on another.
+
+- Opening waits until the world is there and listens, so that nothing said afterwards is lost.
+- What was sent arrives in order. ``send`` waits while the pipe to the world is full: no command may be lost.
+- When the world goes away the client keeps trying to reach it again; ``receive`` then simply brings nothing.
+- A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
+"""
+
+import json
+import queue
+import socket
+import time
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from protocols.wire import keys
+from protocols.wire.keys import LinkError, Login
+
+_LOOK_AGAIN_S = 0.002
+
+
+def _someone_listens(endpoint: str) -> bool:
+    """Whether anything at all accepts a connection at ``endpoint``; used only to word an error."""
+    protocol, _, address = endpoint.partition("/")
+    try:
+        if protocol == "unixsock-stream":
+            with socket.socket(socket.AF_UNIX) as probe:
+                probe.settimeout(0.5)
+                probe.connect(address)
+        else:
+            host, _, port = address.rpartition(":")
+            socket.create_connection((host.strip("[]"), int(port)), timeout=0.5).close()
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def _why_not(endpoint: str, login: Login, timeout_s: float) -> str:
+    if _someone_listens(endpoint):
+        return (
+            f"the world at {endpoint} does not let {keys.user(login.agent)} in: "
+            "use the login that this launch of the world made for this agent"
+        )
+    return (
+        f"no world answers at {endpoint} within {timeout_s:g} s: "
+        "start the world first, or give the endpoint on which it listens"
+    )
+
+
+def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
+    settings: dict[str, Any] = {
+        "mode": "client",
+        "connect/endpoints": [keys.checked_endpoint(endpoint)],
+        "connect/timeout_ms": round(1e3 * timeout_s),
+        "connect/exit_on_failure": True,
+        "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "timestamping/enabled": False,
+        "transport/unicast/qos/enabled": False,
+        "transport/unicast/lowlatency": True,
+        "transport/shared_memory/enabled": False,
+        "transport/auth/usrpwd/user": keys.user(login.agent),
+        "transport/auth/usrpwd/password": login.password,
+    }
+    try:
+        config = zenoh.Config()
+        for name, value in settings.items():
+            config.insert_json5(name, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise LinkError(_why_not(endpoint, login, timeout_s)) from error
+
+
+class AgentLink:
+    """The open client of one agent. Raises LinkError when the world is not there or refuses the login."""
+
+    def __init__(self, endpoint: str, login: Login, connect_timeout_s: float = 10.0) -> None:
+        deadline = time.monotonic() + connect_timeout_s
+        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
+        # unlike a Zenoh channel it can be waited on for a limited time.
+        self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+        self._session = _open_client(endpoint, login, connect_timeout_s)
+        try:
+            self._session.declare_subscriber(
+                keys.rx(login.swarm, login.agent), zenoh.handlers.Callback(self._heard.put, indirect=False)
+            )
+            self._publisher = self._session.declare_publisher(
+                keys.tx(login.swarm, login.agent),
+                express=True,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
+            # A publisher drops what it is given before it knows of a subscriber.
+            while not self._publisher.matching_status.matching:  # type: ignore[attr-defined]
+                if time.monotonic() > deadline:
+                    raise LinkError(
+                        f"the world at {endpoint} does not hear agent {login.agent} of {login.swarm!r}: "
+                        "use the login that this launch of the world made for this agent"
+                    )
+                time.sleep(_LOOK_AGAIN_S)
+        except BaseException:
+            self._session.close()
+            raise
+
+    def send(self, payload: bytes) -> None:
+        """Send to the world."""
+        self._publisher.put(payload)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """The next message, oldest first; None when none comes in ``timeout_s`` (0: do not wait)."""
+        try:
+            sample = self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
+        except queue.Empty:
+            return None
+        return sample.payload.to_bytes()
+
+    def close(self) -> None:
+        if not self._session.is_closed():
+            self._session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,154 @@
+"""Everything the compiled parts of a drone's tick work on, handed to them as one object.
+
+Handing a kernel a hundred arrays one by one costs more than the kernel; a `TickArrays` is laid out once and then passed as a
+single pointer. In Python the same arrays are reached through the named tuples it was made of.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numba.experimental import structref
+from numpy.typing import NDArray
+
+from agent.control.gains import SafetyLimits
+from agent.memory import Memory
+from protocols.kernels import borrowed, kernel
+from protocols.slots import trigger
+from protocols.wire.frames import OBSERVATION_SIZE, Frames
+from protocols.wire.sensed import Sensed
+
+
+class Rules(NamedTuple):
+    """What a mission means in ticks, metres and yes or no."""
+
+    by_sensor: bool
+    remember_obstacles: bool
+    chain: bool
+    detour: bool
+    filtered: bool
+    connected: bool
+    swap_rule: int
+    memory_ticks: int
+    silent_ticks: int
+    max_hops: int
+    frame_every: int
+    range_m: float
+    reach_m: float
+    margin_m: float
+    limits: SafetyLimits
+
+
+class Shape(NamedTuple):
+    """The formation: offsets (N, 2) [m], parent (N,), depth (N,) edges up to the root."""
+
+    offsets: NDArray[np.float64]
+    parent: NDArray[np.int16]
+    depth: NDArray[np.int64]
+
+
+class Views(NamedTuple):
+    """Each drone's view of the slots: slot_of, occupant (A, N); its own slot, its swap set's digest, whether its protocol is
+    busy: (A,)."""
+
+    slot_of: NDArray[np.int64]
+    occupant: NDArray[np.int64]
+    slot: NDArray[np.int64]
+    digest: NDArray[np.uint64]
+    busy: NDArray[np.bool_]
+
+
+class Work(NamedTuple):
+    """One tick's inputs and results. Row r hears frames ``inbox[inbox_start[r]:inbox_start[r + 1]]``.
+
+    me, awake: (A,). chain_error, slot_error: (A, 2) [m]. observation: (A, 18). partner, vacated: (A,) whom to swap with, whose
+    place to take, or NOBODY. news: (A,) whether the slot protocol has something to attend to. sent: (A,) a frame was composed.
+    """
+
+    me: NDArray[np.int64]
+    awake: NDArray[np.bool_]
+    inbox_start: NDArray[np.int64]
+    inbox: NDArray[np.int64]
+    chain_error: NDArray[np.float64]
+    slot_error: NDArray[np.float64]
+    observation: NDArray[np.float64]
+    partner: NDArray[np.int64]
+    vacated: NDArray[np.int64]
+    news: NDArray[np.bool_]
+    sent: NDArray[np.bool_]
+
+
+@structref.register
+class _TickArraysType(types.StructRef):  # type: ignore[misc]
+    pass
+
+
+class TickArrays(structref.StructRefProxy):  # type: ignore[misc]
+    """The one object; made by `make_tick_arrays`. Its fields are for kernels only."""
+
+    rules: Rules
+    shape: Shape
+    views: Views
+    work: Work
+    sensed: Sensed
+    frames: Frames
+    memory: Memory
+
+
+structref.define_proxy(
+    TickArrays, _TickArraysType, ["rules", "shape", "views", "work", "sensed", "frames", "memory"]
+)
+
+
+@kernel
+def _lay_out(
+    rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
+) -> TickArrays:
+    return TickArrays(
+        rules,
+        borrowed(shape),
+        borrowed(views),
+        borrowed(work),
+        borrowed(sensed),
+        borrowed(frames),
+        borrowed(memory),
+    )
+
+
+def make_tick_arrays(
+    rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
+) -> TickArrays:
+    """Lay the arrays out once; kernels then share them with Python.
+
+    The arrays borrows the arrays: whoever made them must keep them for as long as it is used.
+    """
+    return _lay_out(rules, shape, views, work, sensed, frames, memory)
+
+
+def empty_views(rows: int, agents: int) -> Views:
+    """Views to be filled by the slot protocol."""
+    return Views(
+        slot_of=np.zeros((rows, agents), np.int64),
+        occupant=np.zeros((rows, agents), np.int64),
+        slot=np.zeros(rows, np.int64),
+        digest=np.zeros(rows, np.uint64),
+        busy=np.zeros(rows, np.bool_),
+    )
+
+
+def empty_work(me: NDArray[np.int64], inbox_size: int) -> Work:
+    """A tick's arrays for the drones numbered ``me``, all awake, hearing up to ``inbox_size`` frames."""
+    rows = len(me)
+    return Work(
+        me=me,
+        awake=np.ones(rows, np.bool_),
+        inbox_start=np.zeros(rows + 1, np.int64),
+        inbox=np.zeros(inbox_size, np.int64),
+        chain_error=np.zeros((rows, 2)),
+        slot_error=np.zeros((rows, 2)),
+        observation=np.zeros((rows, OBSERVATION_SIZE)),
+        partner=np.full(rows, trigger.NOBODY, np.int64),
+        vacated=np.full(rows, trigger.NOBODY, np.int64),
+        news=np.zeros(rows, np.bool_),
+        sent=np.zeros(rows, np.bool_),
+    )

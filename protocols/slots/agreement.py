@@ -1,0 +1,329 @@
+"""How two agents agree to exchange slots.
+
+`SlotParty` is one agent's side. It hears its neighbours' notes and says its own, one in every broadcast
+frame. Frames may be lost, doubled, delayed or reordered, so a note repeats what holds instead of announcing
+changes.
+
+The rules
+    1. A swap is proposed, accepted, committed. The proposer names both slots as it sees them. The one asked
+       accepts if it is willing, free, not cooling down and sees the same two slots; else it refuses at once.
+    2. A party is in one deal at a time. `TURNS` lists what it may do when; anything else raises `IllegalSwap`
+       and changes nothing.
+    3. The proposer commits when it hears the acceptance of its pending proposal, and of no other. It acts at
+       once; its partner acts when the swap reaches it, from anybody. The swap counts more than any other that
+       either knows, so each agent's swaps are ordered as it went through them, and unless a promise times out
+       or a slot is vacated, none that was acted on is ever undone.
+    4. If two propose to each other, the lower id gives up its own proposal and accepts the other's.
+    5. A proposal is given up after `answer_ticks`; a promise after `lock_ticks`, which is longer, so that a
+       commit of the last moment still finds the promise. Either ends early when the party sees one of the two
+       slots change hands, or when the other side says that the deal is off.
+    6. After a commit both parties cool down, or the partner could swap straight back. A proposer whose
+       proposal came to nothing pauses before the next.
+    7. The dead cannot answer: whoever takes a dead agent's slot commits alone (`vacate`). If two do, the
+       order of swaps decides.
+    8. An amnesiac agrees to nothing before it has caught up. The nonces of its swaps begin with the number of
+       its boot, so it never uses a swap's name again.
+
+What everybody learns, and how, is the subject of `protocols.slots.gossip`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from copy import copy
+from dataclasses import replace
+from enum import Enum
+from typing import NamedTuple
+
+from protocols.slots.gossip import NO_NEWS, SlotGossip
+from protocols.slots.history import SlotBook, Swap
+from protocols.slots.notes import MAX_REFUSALS, QUIET, Acceptance, Proposal, Refusal, SlotNote, decode, encode
+from protocols.slots.settings import SwapCounts, SwapRules
+
+__all__ = ["IllegalSwap", "SlotNote", "SlotParty", "Stance", "SwapCounts", "SwapRules", "decode", "encode"]
+
+_NONCES_PER_BOOT = 1 << 24
+
+
+class Stance(Enum):
+    """What a party is bound to."""
+
+    IDLE = "idle"
+    PROPOSING = "waiting for the answer to a proposal"
+    PROMISED = "promised to another's proposal"
+    AMNESIAC = "amnesiac"
+
+
+TURNS: dict[tuple[Stance, str], Stance] = {
+    (Stance.IDLE, "propose"): Stance.PROPOSING,
+    (Stance.IDLE, "vacate"): Stance.IDLE,
+    (Stance.IDLE, "accept"): Stance.PROMISED,
+    (Stance.PROPOSING, "commit"): Stance.IDLE,
+    (Stance.PROPOSING, "give up"): Stance.IDLE,
+    (Stance.PROMISED, "see commit"): Stance.IDLE,
+    (Stance.PROMISED, "let go"): Stance.IDLE,
+    (Stance.AMNESIAC, "join"): Stance.IDLE,
+}
+
+
+class IllegalSwap(RuntimeError):
+    """The party cannot do this now. Nothing changed."""
+
+
+class Deal(NamedTuple):
+    """The one swap a party is engaged in, as the proposer or as its partner."""
+
+    proposer: int
+    nonce: int
+    slot: int
+    partner: int
+    partner_slot: int
+    until: int  # tick
+
+
+class SlotParty:
+    """One agent's endpoint of the swap protocol: a state machine that is told the tick and draws no lots.
+
+    `initial[agent]` is the slot an agent starts in. `nonce` is the number of this boot: a restarted agent is
+    given a larger one than before, and `amnesiac=True`. `copy.copy` gives an independent twin.
+
+    To read: `slot_of` (agent -> slot), `digest` (64 bits, equal for equal knowledge), `stance`, `counts`.
+    """
+
+    def __init__(
+        self, me: int, initial: Sequence[int], rules: SwapRules, nonce: int = 0, amnesiac: bool = False
+    ) -> None:
+        if not 0 <= me < len(initial):
+            raise ValueError(f"no agent {me} among {len(initial)}")
+        self.me = me
+        self.stance = Stance.AMNESIAC if amnesiac else Stance.IDLE
+        self.counts = SwapCounts()
+        self._rules = rules
+        self._gossip = SlotGossip(me, initial, rules, amnesiac)
+        self._deal: Deal | None = None
+        self._next_nonce = nonce * _NONCES_PER_BOOT
+        self._given_up = -1  # nonce of my latest proposal that came to nothing
+        self._cool_until = 0  # tick
+        self._retry_at = 0  # tick
+        self._refusals: tuple[Refusal, ...] = ()
+        self._acting: tuple[Swap, ...] = ()  # open swaps that moved me
+        self._mirror()
+
+    def __copy__(self) -> SlotParty:
+        twin = SlotParty.__new__(SlotParty)
+        twin.__dict__.update(self.__dict__)
+        twin.counts, twin._gossip = replace(self.counts), copy(self._gossip)
+        return twin
+
+    def state_key(self, tick: int = 0) -> Hashable:
+        """All that decides what I do next, times counted from `tick`: parties of equal mind behave alike."""
+        deal = self._deal
+        return (
+            self.stance,
+            deal and deal._replace(until=deal.until - tick),
+            self._next_nonce,
+            self._given_up,
+            max(self._cool_until - tick, 0),
+            max(self._retry_at - tick, 0),
+            self._refusals,
+            self._gossip.state_key(tick),
+        )
+
+    @property
+    def slot(self) -> int:
+        """My slot."""
+        return self.slot_of[self.me]
+
+    @property
+    def book(self) -> SlotBook:
+        """What I know of the swaps; to read only."""
+        return self._gossip.book
+
+    @property
+    def deal(self) -> Deal | None:
+        """What I am engaged in."""
+        return self._deal
+
+    @property
+    def quiet(self) -> bool:
+        """True if nothing is under way: then hearing a quiet note of my digest changes nothing."""
+        return self._deal is None and not self._refusals and self._gossip.quiet
+
+    def ready(self, tick: int) -> bool:
+        """True if I may propose now."""
+        return self.stance is Stance.IDLE and tick >= self._cool_until and tick >= self._retry_at
+
+    def propose(self, partner: int, tick: int) -> None:
+        """Ask `partner` to exchange slots with me. IllegalSwap if engaged, cooling down or amnesiac."""
+        self._check_other(partner, "propose")
+        if not self.ready(tick):
+            raise IllegalSwap(f"pausing until tick {max(self._cool_until, self._retry_at)}")
+        nonce = self._name()
+        self._turn("propose")
+        until = tick + self._rules.answer_ticks
+        self._deal = Deal(self.me, nonce, self.slot, partner, self.slot_of[partner], until)
+        self.counts.proposed += 1
+
+    def vacate(self, dead: int, tick: int) -> None:
+        """Take a dead agent's slot and leave it mine, at once. IllegalSwap if engaged or amnesiac."""
+        self._check_other(dead, "vacate")
+        self._commit(self._name(), dead, self.book.clock, tick)
+        self.counts.vacated += 1
+
+    def hear(self, note: SlotNote, sender: int, tick: int, willing: bool = True) -> None:
+        """A neighbour's note. `willing`: I would accept what it proposes to me, if it does."""
+        if note.digest == self.digest and note[2:] == QUIET and self.stance is not Stance.AMNESIAC:
+            if note.settled and self._gossip.book.open:
+                self._gossip.hear(note, self.counts)
+                self._look_again(tick, adopted=False)
+            return
+        if sender == self.me:
+            return
+        self.advance(tick)
+        adopted, known = self.counts.adopted, (self.book.digest, self.book.base)
+        self._gossip.hear(note, self.counts)
+        if self.stance is Stance.AMNESIAC and not self._gossip.amnesiac:
+            self._turn("join")
+        if (self.book.digest, self.book.base) != known:
+            self._look_again(tick, self.counts.adopted > adopted)
+        for answer in note.refusals:
+            self._hear_refusal(answer, sender, tick)
+        if note.acceptance is not None and note.acceptance.proposer == self.me:
+            self._hear_acceptance(note.acceptance, sender, tick)
+        if note.proposal is not None and note.proposal.partner == self.me:
+            self._weigh(note.proposal, sender, tick, willing)
+
+    def advance(self, tick: int) -> None:
+        """Let time pass: what has waited too long is given up."""
+        if self._deal is not None and tick >= self._deal.until:
+            self.counts.timed_out += 1
+            self._part(tick)
+
+    def note(self, tick: int) -> SlotNote:
+        """What my next broadcast frame says. Counts as said."""
+        news = self._gossip.say(tick)
+        deal = self._deal
+        if news is NO_NEWS and deal is None and not self._refusals:
+            return self._quiet_note
+        proposal = acceptance = None
+        if deal is not None and self.stance is Stance.PROPOSING:
+            proposal = Proposal(deal.partner, deal.nonce, deal.slot, deal.partner_slot)
+        elif deal is not None:
+            acceptance = Acceptance(deal.proposer, deal.nonce, self.book.clock)
+        refusals, self._refusals = self._refusals, ()
+        settled, amnesiac = self._quiet_note.settled, self._gossip.amnesiac
+        return SlotNote(self.digest, settled, amnesiac, proposal, acceptance, refusals, *news)
+
+    def _check_other(self, other: int, event: str) -> None:
+        if other == self.me or not 0 <= other < len(self.slot_of):
+            raise IllegalSwap(f"agent {self.me} cannot exchange slots with {other}")
+        if (self.stance, event) not in TURNS:
+            raise IllegalSwap(f"cannot {event} while {self.stance.value}")
+
+    def _turn(self, event: str) -> None:
+        self.stance = TURNS[self.stance, event]
+
+    def _name(self) -> int:
+        """A nonce I never used before."""
+        self._next_nonce += 1
+        return self._next_nonce
+
+    def _commit(self, nonce: int, other: int, clock: int, tick: int) -> None:
+        """Act on a swap of mine, which comes after all that count up to `clock`."""
+        slots = self.slot_of
+        op = Swap(clock + 1, self.me, nonce, slots[self.me], self.me, slots[other], other)
+        self._deal = None
+        self._gossip.commit(op, self.counts)
+        self._cool_until = tick + self._rules.cooldown_ticks
+        self._look_again(tick, adopted=False)
+
+    def _part(self, tick: int) -> None:
+        """The deal is off."""
+        if self.stance is Stance.PROPOSING and self._deal is not None:
+            self._given_up = self._deal.nonce
+            self._retry_at = tick + self._rules.retry_ticks
+            self._turn("give up")
+        else:
+            self._turn("let go")
+        self._deal = None
+
+    def _refuse(self, proposer: int, nonce: int) -> None:
+        answer = Refusal(proposer, nonce)
+        if answer not in self._refusals and len(self._refusals) < MAX_REFUSALS:
+            self._refusals = (*self._refusals, answer)
+
+    def _hear_refusal(self, answer: Refusal, sender: int, tick: int) -> None:
+        deal = self._deal
+        if deal is None or answer != (deal.proposer, deal.nonce):
+            return
+        if self.stance is Stance.PROPOSING and sender == deal.partner:
+            self.counts.refused += 1
+            self._part(tick)
+        elif self.stance is Stance.PROMISED and sender == deal.proposer:
+            self._part(tick)
+
+    def _hear_acceptance(self, answer: Acceptance, sender: int, tick: int) -> None:
+        deal = self._deal
+        if deal is not None and answer[:2] == (deal.proposer, deal.nonce) and sender == deal.partner:
+            self._turn("commit")
+            self._commit(deal.nonce, sender, max(self.book.clock, answer.clock), tick)
+            self.counts.committed += 1
+        elif answer.nonce == self._given_up:
+            self._refuse(self.me, answer.nonce)  # release whoever is promised to what I gave up
+
+    def _weigh(self, proposal: Proposal, sender: int, tick: int, willing: bool) -> None:
+        deal, slots = self._deal, self.slot_of
+        renewed = self.stance is Stance.PROMISED and deal is not None and deal.proposer == sender
+        if renewed and deal is not None and proposal.nonce <= deal.nonce:
+            return  # the one I promised, or one before it that is late
+        crossing = self.stance is Stance.PROPOSING and deal is not None and deal.partner == sender
+        if crossing and self.me > sender:
+            return  # mine stands, the sender will yield
+        free = self.stance is Stance.IDLE or renewed or crossing
+        agreed = slots[sender] == proposal.slot and slots[self.me] == proposal.partner_slot
+        if not (free and agreed and willing and tick >= self._cool_until):
+            self._refuse(sender, proposal.nonce)
+            return
+        if self._deal is not None:
+            self.counts.withdrawn += crossing
+            self._part(tick)
+        self._turn("accept")
+        until = tick + self._rules.lock_ticks
+        self._deal = Deal(sender, proposal.nonce, proposal.slot, self.me, proposal.partner_slot, until)
+        self.counts.accepted += 1
+
+    def _look_again(self, tick: int, adopted: bool) -> None:
+        """After the view may have changed: what becomes of my deal, and of the swaps I acted on."""
+        slot, digest = self.slot, self.digest
+        self._mirror()
+        self._count_undone(digest != self.digest, adopted and self.slot != slot)
+        deal = self._deal
+        if deal is None:
+            return
+        if any(op.initiator == deal.proposer and op.nonce == deal.nonce for op in self.book.open):
+            self._turn("see commit")
+            self._deal = None
+            self._cool_until = tick + self._rules.cooldown_ticks
+        elif self.slot_of[deal.proposer] != deal.slot or self.slot_of[deal.partner] != deal.partner_slot:
+            if self.stance is Stance.PROMISED:
+                self._refuse(deal.proposer, deal.nonce)
+            else:
+                self.counts.withdrawn += 1
+            self._part(tick)
+
+    def _count_undone(self, learned: bool, moved_by_checkpoint: bool) -> None:
+        book = self.book
+        for op in self._acting:
+            lost = moved_by_checkpoint and op.counter <= book.base.clock
+            self.counts.undone += lost or op in book.skipped
+        acting = book.open if learned else self._acting
+        self._acting = tuple(
+            op
+            for op in acting
+            if op.involves(self.me) and op.counter > book.base.clock and op not in book.skipped
+        )
+
+    def _mirror(self) -> None:
+        book = self._gossip.book
+        self.digest, self.slot_of = book.digest, book.slot_of
+        self._quiet_note = SlotNote(book.digest, settled=not book.open)

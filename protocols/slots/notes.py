@@ -1,0 +1,193 @@
+"""What agents say to each other about slots: one note in every broadcast frame.
+
+The rules
+    1. A quiet note is the digest and whether all its swaps are in the sender's checkpoint: 11 bytes.
+    2. Any other note is a list of ten fields in the order of `SlotNote`; an absent one is None or empty.
+    3. A note from the air is believed only if every number in it is a whole number in its range, every list
+       is within its limit, and every swap and checkpoint could exist among the mission's agents. Otherwise
+       `decode` raises ValueError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+from protocols.slots.history import Checkpoint, Mark, Swap, is_permutation
+
+MAX_OPS = 16
+"""Swaps in one note, at most."""
+MAX_REFUSALS = 8
+"""Refusals in one note, at most; whoever gets none asks again in its next frame."""
+
+_COUNTER_END = 1 << 48
+_NONCE_END = 1 << 56
+_DIGEST_END = 1 << 64
+
+T = TypeVar("T")
+
+
+class Proposal(NamedTuple):
+    """The sender, in `slot`, asks `partner`, in `partner_slot`, to change places. No nonce is used twice."""
+
+    partner: int
+    nonce: int
+    slot: int
+    partner_slot: int
+
+
+class Refusal(NamedTuple):
+    """Names a proposal that will not be committed."""
+
+    proposer: int
+    nonce: int
+
+
+class Acceptance(NamedTuple):
+    """The sender is promised to that proposal. The swap will count more than `clock`, all it knows."""
+
+    proposer: int
+    nonce: int
+    clock: int
+
+
+class SlotNote(NamedTuple):
+    """What one frame says about slots.
+
+    `settled`: all swaps of `digest` are in the sender's checkpoint. `amnesiac`: the sender restarted, knows
+    nothing and asks for a checkpoint. `refusals` are said by the one asked, or by the proposer itself to
+    release the one promised. `mark` names the sender's checkpoint. `had`: bit k says that agent k has had
+    exactly the swaps of `digest`.
+    """
+
+    digest: int
+    settled: bool
+    amnesiac: bool = False
+    proposal: Proposal | None = None
+    acceptance: Acceptance | None = None
+    refusals: tuple[Refusal, ...] = ()
+    mark: Mark | None = None
+    ops: tuple[Swap, ...] = ()
+    had: int = 0
+    checkpoint: Checkpoint | None = None
+
+    @property
+    def quiet(self) -> bool:
+        """True if the note says nothing but its digest."""
+        return self[2:] == QUIET
+
+
+QUIET: tuple[object, ...] = SlotNote(0, settled=True)[2:]
+"""The last eight fields of a quiet note."""
+
+
+def encode(note: SlotNote) -> tuple[Any, ...]:
+    """The note as msgpack can write it."""
+    if note[2:] == QUIET:
+        return (note.digest, int(note.settled))
+    checkpoint = note.checkpoint
+    packed = None if checkpoint is None else (bytes(checkpoint.slot_of), *checkpoint[1:])
+    had = note.had.to_bytes((note.had.bit_length() + 7) // 8, "little")
+    return (note.digest, int(note.settled), int(note.amnesiac), *note[3:8], had, packed)
+
+
+def quiet_note(digest: int) -> tuple[int, int]:
+    """An encoded quiet, settled note."""
+    return digest, 1
+
+
+def quiet_digest(obj: object) -> int | None:
+    """The digest of an encoded quiet, settled note, which nearly every frame carries; None for any other."""
+    if type(obj) is list and len(obj) == 2:
+        digest, settled = obj
+        if type(digest) is int and 0 <= digest < _DIGEST_END and type(settled) is int and settled == 1:
+            return digest
+    return None
+
+
+def decode(obj: object, n_agents: int) -> SlotNote:
+    """The note that `encode` wrote, as msgpack read it. ValueError for what `encode` would not write."""
+    fields = _list(obj)
+    if len(fields) not in (2, 10):
+        raise ValueError(f"a note has 2 or 10 fields, not {len(fields)}")
+    digest, settled = _int(fields[0], _DIGEST_END), bool(_int(fields[1], 2))
+    if len(fields) == 2:
+        return SlotNote(digest, settled)
+    amnesiac, proposal, acceptance, refusals, mark, ops, had, checkpoint = fields[2:]
+
+    def read_proposal(item: object) -> Proposal:
+        read = Proposal(*_ints(item, (n_agents, _NONCE_END, n_agents, n_agents)))
+        if read.slot == read.partner_slot:
+            raise ValueError(f"a proposal to change a slot with itself: {read}")
+        return read
+
+    def read_refusal(item: object) -> Refusal:
+        return Refusal(*_ints(item, (n_agents, _NONCE_END)))
+
+    def read_acceptance(item: object) -> Acceptance:
+        return Acceptance(*_ints(item, (n_agents, _NONCE_END, _COUNTER_END)))
+
+    def read_mark(item: object) -> Mark:
+        return Mark(*_ints(item, (_COUNTER_END, _DIGEST_END)))
+
+    def read_swap(item: object) -> Swap:
+        ends = (_COUNTER_END, n_agents, _NONCE_END, n_agents, n_agents, n_agents, n_agents)
+        op = Swap(*_ints(item, ends))
+        if op.counter < 1 or op.slot_a == op.slot_b or op.agent_a == op.agent_b:
+            raise ValueError(f"not a swap: {op}")
+        return op
+
+    def read_checkpoint(item: object) -> Checkpoint:
+        slot_of, *rest = _list(item)
+        if type(slot_of) is not bytes or len(slot_of) != n_agents or not is_permutation(slot_of):
+            raise ValueError("a checkpoint is a permutation of all slots, one byte each")
+        return Checkpoint(tuple(slot_of), *_ints(rest, (_DIGEST_END, _COUNTER_END, _COUNTER_END)))
+
+    return SlotNote(
+        digest,
+        settled,
+        bool(_int(amnesiac, 2)),
+        _maybe(proposal, read_proposal),
+        _maybe(acceptance, read_acceptance),
+        _several(refusals, MAX_REFUSALS, read_refusal),
+        _maybe(mark, read_mark),
+        _several(ops, MAX_OPS, read_swap),
+        _agents(had, n_agents),
+        _maybe(checkpoint, read_checkpoint),
+    )
+
+
+def _int(value: object, end: int) -> int:
+    if type(value) is int and 0 <= value < end:  # a bool is no number here
+        return value
+    raise ValueError(f"not a whole number from 0 to {end - 1}: {value!r}")
+
+
+def _agents(value: object, n_agents: int) -> int:
+    if type(value) is bytes and len(value) <= (n_agents + 7) // 8:
+        return _int(int.from_bytes(value, "little"), 1 << n_agents)
+    raise ValueError(f"not a set of {n_agents} agents: {value!r}")
+
+
+def _list(value: object) -> Sequence[object]:
+    if isinstance(value, list | tuple):
+        return value
+    raise ValueError(f"not a list: {value!r}")
+
+
+def _ints(value: object, ends: Sequence[int]) -> list[int]:
+    items = _list(value)
+    if len(items) != len(ends):
+        raise ValueError(f"{len(ends)} numbers expected: {value!r}")
+    return [_int(item, end) for item, end in zip(items, ends, strict=True)]
+
+
+def _maybe(value: object, read: Callable[[object], T]) -> T | None:
+    return None if value is None else read(value)
+
+
+def _several(value: object, limit: int, read: Callable[[object], T]) -> tuple[T, ...]:
+    items = _list(value)
+    if len(items) > limit:
+        raise ValueError(f"{len(items)} items where {limit} may be")
+    return tuple(read(item) for item in items)

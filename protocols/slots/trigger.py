@@ -1,0 +1,181 @@
+"""When a swap is worth proposing, and whether it may be: decided by one drone from what it knows.
+
+A swap exchanges the slots of two drones. Two rules can ask for one (mission field ``swap.rule``):
+
+    tree     the paper's: a leader and one of its followers, if both would be closer, by a margin, to the other's target
+    contact  any two neighbours. With r the other's position relative to me and D the other's slot relative to mine, the sum
+             of squared distances to the two slots falls by exactly -2 r.D: the targets themselves cancel. So the rule is: swap
+             when the other is at least ``margin`` metres on the wrong side of me, measured along the line of our slots
+
+Feasibility (``swap.connected``): the drones whose leader or followers change, as the asking drone knows them, must form
+one connected piece of the radio graph. The asking drone is the one whose slot is nearer to the root. Among several
+candidates the one that gains most is chosen.
+
+A drone silent for everybody for ``silent`` ticks has left its slot: its closest living follower takes it, and so on
+down, so that only a leaf stays empty. Only a follower within radio range of the slot's place judges: from farther away, it
+may be its own fault that it hears nobody there.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.kernels import inlined_kernel, kernel
+from protocols.mission.formation import NO_PARENT
+from protocols.relative import UNKNOWN
+
+OFF, TREE, CONTACT = 0, 1, 2
+RULES = {"off": OFF, "tree": TREE, "contact": CONTACT}
+NOBODY = -1
+
+
+@inlined_kernel
+def tree_gain(ex: float, ey: float, rx: float, ry: float, dx: float, dy: float, margin: float) -> float:
+    """The paper's trigger between me, leader, and a follower: metres gained by the two together, or 0 if not triggered.
+
+    (ex, ey): my target minus me. (rx, ry): follower minus me. (dx, dy): its slot minus mine. All in metres.
+    """
+    mine = math.hypot(ex, ey)
+    follower_to_mine = math.hypot(ex - rx, ey - ry)
+    me_to_followers = math.hypot(ex + dx, ey + dy)
+    followers = math.hypot(ex + dx - rx, ey + dy - ry)
+    if follower_to_mine + margin < mine and me_to_followers + margin < followers:
+        return mine - follower_to_mine + followers - me_to_followers
+    return 0.0
+
+
+@inlined_kernel
+def contact_gain(rx: float, ry: float, dx: float, dy: float, margin: float) -> float:
+    """Fall in the sum of squared distances to the two slots [m^2], or 0 if the other is not ``margin`` metres wrong."""
+    along = rx * dx + ry * dy
+    if along < -margin * math.hypot(dx, dy):
+        return -2.0 * along
+    return 0.0
+
+
+@kernel
+def affected_connected(
+    slot_a: int,
+    slot_b: int,
+    parent: NDArray[np.int16],
+    occupant: NDArray[np.int64],
+    hops: NDArray[np.int64],
+    rel: NDArray[np.float64],
+    range_m: float,
+) -> bool:
+    """Whether the holders of both slots, of their parents and of their children form one connected radio graph."""
+    agents = parent.shape[0]
+    members = np.empty(agents, np.int64)
+    count = 0
+    for slot in range(agents):
+        is_pair = slot in (slot_a, slot_b)
+        is_child = parent[slot] in (slot_a, slot_b)
+        is_parent = slot in (parent[slot_a], parent[slot_b])
+        if is_pair or is_child or is_parent:
+            if hops[occupant[slot]] == UNKNOWN:
+                return False
+            members[count] = occupant[slot]
+            count += 1
+    reached = np.zeros(count, np.bool_)
+    reached[0] = True
+    found = 1
+    for _ in range(count):
+        for a in range(count):
+            for b in range(count):
+                if reached[a] and not reached[b]:
+                    dx = rel[members[a], 0] - rel[members[b], 0]
+                    dy = rel[members[a], 1] - rel[members[b], 1]
+                    if dx * dx + dy * dy <= range_m * range_m:
+                        reached[b] = True
+                        found += 1
+    return found == count
+
+
+@inlined_kernel
+def swap_partner(
+    me: int,
+    tick: int,
+    rule: int,
+    margin: float,
+    connected: bool,
+    memory: int,
+    range_m: float,
+    error_x: float,
+    error_y: float,
+    offsets: NDArray[np.float64],
+    parent: NDArray[np.int16],
+    depth: NDArray[np.int64],
+    slot_of: NDArray[np.int64],
+    occupant: NDArray[np.int64],
+    heard_tick: NDArray[np.int64],
+    hops: NDArray[np.int64],
+    rel: NDArray[np.float64],
+) -> int:
+    """The drone I should propose a swap to now, or NOBODY. (error_x, error_y): my target minus me [m]."""
+    mine = slot_of[me]
+    best, best_gain = NOBODY, 0.0
+    for other in range(slot_of.shape[0]):
+        if hops[other] != 1 or tick - heard_tick[other] > memory:
+            continue
+        theirs = slot_of[other]
+        dx, dy = offsets[theirs, 0] - offsets[mine, 0], offsets[theirs, 1] - offsets[mine, 1]
+        if rule == TREE:
+            gain = (
+                tree_gain(error_x, error_y, rel[other, 0], rel[other, 1], dx, dy, margin)
+                if parent[theirs] == mine
+                else 0.0
+            )
+        else:
+            i_ask = depth[mine] < depth[theirs] or (depth[mine] == depth[theirs] and mine < theirs)
+            gain = contact_gain(rel[other, 0], rel[other, 1], dx, dy, margin) if i_ask else 0.0
+        if gain > best_gain and (
+            not connected or affected_connected(mine, theirs, parent, occupant, hops, rel, range_m)
+        ):
+            best, best_gain = other, gain
+    return best
+
+
+@inlined_kernel
+def vacancy_to_fill(
+    me: int,
+    tick: int,
+    silent: int,
+    range_m: float,
+    error_x: float,
+    error_y: float,
+    offsets: NDArray[np.float64],
+    parent: NDArray[np.int16],
+    slot_of: NDArray[np.int64],
+    occupant: NDArray[np.int64],
+    last_seen: NDArray[np.int64],
+    hops: NDArray[np.int64],
+    rel: NDArray[np.float64],
+) -> int:
+    """The dead drone whose slot is mine to take, or NOBODY: my leader is silent and no living sibling is closer."""
+    mine = slot_of[me]
+    above = parent[mine]
+    if above == NO_PARENT:
+        return NOBODY
+    leader: int = occupant[above]
+    if tick - last_seen[leader] <= silent:
+        return NOBODY
+    # The vacant slot, relative to me.
+    tx = error_x + offsets[above, 0] - offsets[mine, 0]
+    ty = error_y + offsets[above, 1] - offsets[mine, 1]
+    my_distance = tx * tx + ty * ty
+    if my_distance > range_m * range_m:
+        return NOBODY
+    for slot in range(parent.shape[0]):
+        sibling = occupant[slot]
+        if (
+            parent[slot] != above
+            or sibling == me
+            or tick - last_seen[sibling] > silent
+            or hops[sibling] == UNKNOWN
+        ):
+            continue
+        distance = (tx - rel[sibling, 0]) ** 2 + (ty - rel[sibling, 1]) ** 2
+        if distance < my_distance or (distance == my_distance and sibling < me):
+            return NOBODY
+    return leader

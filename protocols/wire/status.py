@@ -1,0 +1,53 @@
+"""What a drone reports about itself to whoever runs the flight: for the view, the report and the watch."""
+
+from typing import Any, NamedTuple
+
+from protocols.wire.frames import REASONS
+
+SWAP_COUNTS = (
+    "proposed",
+    "committed",
+    "accepted",
+    "refused",
+    "withdrawn",
+    "timed_out",
+    "vacated",
+    "undone",
+    "forced",
+    "adopted",
+)
+
+
+class AgentStatus(NamedTuple):
+    """One drone's account of itself since its boot.
+
+    heard: neighbours whose frames are fresh. rejected: frames dropped on receipt, per `REASONS`. swaps: per `SWAP_COUNTS`.
+    digest: of its swap set; view: its slot_of, one byte per agent.
+    """
+
+    slot: int
+    heard: int
+    rejected: tuple[int, ...]
+    swaps: tuple[int, ...]
+    digest: int
+    view: bytes
+
+
+def parse_status(fields: Any, agents: int) -> AgentStatus:
+    """The status a drone sent.
+
+    Raises:
+        ValueError: malformed.
+    """
+    if not isinstance(fields, list) or len(fields) != 6:
+        raise ValueError("a status has six fields")
+    slot, heard, rejected, swaps, digest, view = fields
+    status = AgentStatus(slot, heard, tuple(rejected), tuple(swaps), digest, view)
+    numbers = (status.slot, status.heard, *status.rejected, *status.swaps, status.digest)
+    if not all(type(number) is int and number >= 0 for number in numbers):
+        raise ValueError("a status counts in whole numbers")
+    if len(status.rejected) != len(REASONS) or len(status.swaps) != len(SWAP_COUNTS):
+        raise ValueError("a status of another version")
+    if not isinstance(status.view, bytes) or len(status.view) != agents:
+        raise ValueError("a view has one byte per agent")
+    return status

@@ -1,0 +1,220 @@
+"""Many episodes at once: E worlds of N drones in compiled loops, for training and for the centralized expert.
+
+Same rules as the drones and the world, called in one loop (rsc_swarm.batch.kernel); a perfect radio and no faults. A
+flight of the analytic controller without swaps is, bit for bit, the one that `Simulation` flies.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.control.follow import following_of
+from agent.memory import empty_memory
+from agent.observation import WIDE_SIZE
+from agent.rules import rules_of, shape_of
+from agent.tick_arrays import empty_views, empty_work, make_tick_arrays
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission, MissionError
+from protocols.wire.frames import OBSERVATION_SIZE, empty_frames
+from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
+from rsc_swarm.batch import kernel as kernels
+from rsc_swarm.batch.kernel import ANALYTIC, EXPERT, FLYING, PAST, PLAN
+from world import field, referee
+from world.core import Outcome
+
+NEIGHBOURS = 8  # neighbours noted per drone and tick
+_FAILURES = {kernels.COLLIDED: "collision", kernels.LATE: "late"}
+
+
+def check_flyable(mission: Mission) -> None:
+    """Refuse what the batch leaves out.
+
+    Raises:
+        MissionError: faults, a radio that is not perfect, or an option that needs frames.
+    """
+    radio = mission.radio
+    for wrong, what in (
+        (mission.faults, "faults: the batch simulation has none"),
+        (
+            radio.loss
+            or radio.burst.loss
+            or radio.delay_ms
+            or radio.jitter_ms
+            or radio.duplicate
+            or radio.reorder,
+            "radio: the batch simulation's is perfect",
+        ),
+        (mission.frame_every > 1, "radio.frame_rate_hz: the batch simulation has 100"),
+        (mission.aim == "chain", "aim: the batch simulation knows only slot"),
+        (mission.sensing.neighbours == "heard", "sensing.neighbours: the batch simulation knows only sensed"),
+        (mission.hold_s, "hold_s: the batch simulation ends at success"),
+    ):
+        if wrong:
+            raise MissionError(f"{what}; fly this with rsc-swarm simulate")
+
+
+class Batch:
+    """E worlds of N drones. Public arrays are filled in place; see rsc_swarm.batch.kernel.Stage for their shapes."""
+
+    def __init__(self, missions: Sequence[Mission]) -> None:
+        """Begin one episode per mission; they must agree in all but seeds and obstacles.
+
+        Raises:
+            MissionError: as `check_flyable`. world.field.FieldError: no room to start.
+        """
+        mission = self.mission = missions[0]
+        check_flyable(mission)
+        worlds, agents = self.worlds, self.agents = len(missions), mission.agents
+        rows, both = worlds * agents, (worlds, agents)
+        self._stage = kernels.Stage(
+            pilot=np.full(worlds, EXPERT, np.int8),
+            ticks=np.zeros(worlds, np.int64),
+            result=np.zeros(worlds, np.int8),
+            flying=np.ones(both, np.bool_),
+            position=np.zeros((*both, 2)),
+            velocity=np.zeros((*both, 2)),
+            command=np.zeros((*both, 2)),
+            ability=np.ones(both),
+            claim=np.zeros(both, np.int16),
+            obstacle_count=np.zeros(worlds, np.int64),
+            obstacles=np.zeros((worlds, MAX_OBSTACLES, 3)),
+            goal_x=np.zeros(worlds),
+            is_leaf=mission.plan.is_leaf,
+            nearest=np.zeros(both),
+            edge_error=np.zeros(both),
+            verdict=np.zeros((worlds, referee.VERDICT_SIZE)),
+            closest=np.zeros(worlds),
+            formed=np.zeros(worlds, np.int64),
+            rested=np.zeros(both, np.int64),
+            swaps=np.zeros(worlds, np.int64),
+            observation=np.zeros((PAST, *both, OBSERVATION_SIZE), np.float32),
+            near=np.zeros((PAST, *both, NEIGHBOURS), np.int16),
+            target=np.zeros((*both, 2), np.float32),
+            extra=np.zeros((*both, WIDE_SIZE), np.float32),
+            start=np.zeros((*both, 4)),
+            displacement=np.zeros((*both, 1, 2), np.float32),
+            acceleration=np.zeros((*both, 1, 2), np.float32),
+        )
+        self._field = kernels.Field(
+            target_mps=mission.target.speed_mps,
+            a_max=mission.limits.acceleration_mps2,
+            v_max=mission.limits.speed_mps,
+            spacing_m=mission.plan.spacing,
+            edge_tolerance=mission.edge_tolerance,
+            collision_m=mission.limits.collision_m,
+            last_tick=mission.ticks,
+            cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
+            following=following_of(mission.trajectory),
+        )
+        self._scratch = kernels.Scratch(
+            np.zeros(agents, np.int64),
+            np.zeros((MAX_OBSTACLES, 2)),
+            np.zeros(MAX_OBSTACLES),
+            np.zeros(MAX_OBSTACLES, np.int8),
+        )
+        self._lent = (  # the arrays borrows these
+            rules_of(mission),
+            shape_of(mission),
+            empty_views(rows, agents),
+            empty_work(np.tile(np.arange(agents), worlds), 0),
+            empty_sensed(rows),
+            empty_frames(1),
+            empty_memory(rows, 1),
+        )
+        self._desk = make_tick_arrays(*self._lent)
+        for world, one in enumerate(missions):
+            self.restart(world, one)
+
+    def __getattr__(self, name: str) -> Any:
+        """The arrays of the stage: position, velocity, ticks, result, observation, near, target, extra, ..."""
+        try:
+            return getattr(self.__dict__["_stage"], name)
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def restart(self, world: int, mission: Mission) -> None:
+        """Begin a fresh episode in ``world``.
+
+        Raises:
+            world.field.FieldError: no room to start.
+        """
+        stage, rows = self._stage, slice(world * self.agents, (world + 1) * self.agents)
+        _, _, views, _, _, _, memory = self._lent
+        discs = field.draw_obstacles(mission)
+        stage.position[world], stage.claim[world] = (
+            field.draw_start(mission, discs),
+            field.draw_slots(mission),
+        )
+        stage.velocity[world] = stage.command[world] = stage.rested[world] = 0
+        stage.obstacle_count[world] = len(discs)
+        stage.obstacles[world, : len(discs)] = discs
+        stage.goal_x[world] = field.goal_x(mission, discs)
+        stage.ticks[world], stage.result[world], stage.swaps[world] = 0, FLYING, 0
+        stage.closest[world], stage.formed[world] = np.inf, -1
+        views.slot_of[rows] = stage.claim[world]
+        memory.disc_count[rows] = 0
+        memory.stalled[rows] = 0
+        kernels.begin(world, stage, self._field, self._desk)
+
+    def label(self, horizon: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the expert would do in the next ``horizon`` ticks, flying all drones from here; nothing changes.
+
+        Returns:
+            displacement p(t + h + 1) - p(t) - (h + 1) dt v(t) [m] and velocity change v(t + h + 1) - v(t) [m/s], (E, N, H, 2)
+            each; zero in worlds whose episode has ended.
+        """
+        shape = (self.worlds, self.agents, horizon, 2)
+        displacement, velocity_change = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        kernels.label(self._stage, self._field, self._desk, self._scratch, displacement, velocity_change)
+        return displacement, velocity_change
+
+    def fly(
+        self,
+        ticks: int,
+        acceleration: NDArray[np.float32] | None = None,
+        displacement: NDArray[np.float32] | None = None,
+        by_expert: NDArray[np.bool_] | None = None,
+        analytic: bool = False,
+    ) -> None:
+        """Fly every world whose episode goes on by ``ticks`` ticks, or to its end.
+
+        Args:
+            acceleration, displacement: (E, N, P, 2) plans from here, P >= ticks, as in a model file; without them the expert
+                flies, or with ``analytic`` the analytic controller, each drone for itself.
+            by_expert: (E,) worlds in which the expert flies although there are plans.
+        """
+        stage = self._stage
+        stage.pilot[:] = ANALYTIC if analytic else EXPERT
+        if acceleration is not None and displacement is not None:
+            stage.pilot[:] = PLAN if by_expert is None else np.where(by_expert, EXPERT, PLAN)
+            stage = stage._replace(
+                acceleration=np.ascontiguousarray(acceleration, np.float32),
+                displacement=np.ascontiguousarray(displacement, np.float32),
+            )
+        kernels.fly(ticks, stage, self._field, self._desk, self._scratch)
+
+    def outcome(self, world: int) -> Outcome:
+        """How the episode of ``world`` ended, as a flight's report has it."""
+        stage, verdict = self._stage, self._stage.verdict[world]
+        success, ticks, formed = (
+            stage.result[world] == kernels.SUCCEEDED,
+            int(stage.ticks[world]),
+            int(stage.formed[world]),
+        )
+        return Outcome(
+            success=bool(success),
+            failure=None if success else _FAILURES[int(stage.result[world])],
+            ticks=ticks,
+            tau_s=round(ticks * TICK_S, 2) if success else None,
+            formed_s=round(formed * TICK_S, 2) if formed >= 0 else None,
+            max_edge_error=float(verdict[referee.EDGE_ERROR]),
+            max_slot_error_m=float(verdict[referee.SLOT_ERROR]),
+            min_distance_m=float(stage.closest[world]),
+            closest="",
+            held_after_success=None,
+            overlap_s=0.0,
+            lost_agents=(),
+            digest="",
+        )

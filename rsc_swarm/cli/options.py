@@ -1,0 +1,308 @@
+"""The options every command shares, and how they become a mission.
+
+An option overrides the mission file, which overrides the defaults. ``--set`` reaches every field that has no
+option of its own. Nothing here imports the mission before a command asks, so that ``--help`` answers at once.
+"""
+
+import inspect
+import re
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from enum import StrEnum
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from protocols.mission.document import Mission
+
+SHIPPED = Path(__file__).parents[1] / "missions"
+
+
+class Formation(StrEnum):
+    """Shapes a mission can ask for by name."""
+
+    auto = "auto"
+    square = "square"
+    triangle = "triangle"
+    vee = "vee"
+    line = "line"
+
+
+class Aim(StrEnum):
+    """What a drone steers to."""
+
+    slot = "slot"
+    chain = "chain"
+
+
+class Swap(StrEnum):
+    """Who may trade slots."""
+
+    off = "off"
+    tree = "tree"
+    contact = "contact"
+
+
+class Clock(StrEnum):
+    """How fast the ticks come."""
+
+    lockstep = "lockstep"
+    realtime = "realtime"
+
+
+def _policies() -> list[str]:
+    from agent.policy import policy_names
+
+    return policy_names()
+
+
+def shipped_missions() -> list[str]:
+    """Names of the missions that come with the project."""
+    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+
+
+_WHO, _RADIO = "Who flies what, where", "Radio"
+
+
+@dataclass(frozen=True)
+class MissionOptions:
+    """Options that say what is flown. None: as the mission file has it."""
+
+    mission: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|NAME",
+            help="Mission file (YAML), or a shipped one: see [bold]rsc-swarm mission --list[/].",
+            autocompletion=shipped_missions,
+            rich_help_panel=_WHO,
+        ),
+    ] = None
+    agents: Annotated[
+        int | None,
+        typer.Option("--agents", "-n", metavar="N", help="Number of drones. (25)", rich_help_panel=_WHO),
+    ] = None
+    formation: Annotated[
+        Formation | None,
+        typer.Option(
+            metavar="SHAPE",
+            help="auto, square, triangle, vee or line; auto fits N. (auto)",
+            rich_help_panel=_WHO,
+        ),
+    ] = None
+    map: Annotated[
+        int | None, typer.Option(metavar="SEED", help="Seed of the obstacles. (0)", rich_help_panel=_WHO)
+    ] = None
+    seed: Annotated[
+        int | None,
+        typer.Option(metavar="SEED", help="Seed of start places and radio. (0)", rich_help_panel=_WHO),
+    ] = None
+    policy: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Controller: a known name or model file, or package.module:Class. (rsc-h20)",
+            autocompletion=_policies,
+            rich_help_panel=_WHO,
+        ),
+    ] = None
+    aim: Annotated[
+        Aim | None,
+        typer.Option(
+            help="Steer to the own slot, or to the leader's position plus offset. (slot)",
+            rich_help_panel=_WHO,
+        ),
+    ] = None
+    swap: Annotated[
+        Swap | None,
+        typer.Option(
+            help="Who may trade slots: nobody, follower and leader, any in contact. (contact)",
+            rich_help_panel=_WHO,
+        ),
+    ] = None
+    frame_rate: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Frames per drone and second. (100)", rich_help_panel=_RADIO),
+    ] = None
+    loss: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Frames lost, independently, 0 to 1.", rich_help_panel=_RADIO),
+    ] = None
+    burst: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="Frames lost in bursts (Gilbert-Elliott), mean, 0 to 1.",
+            rich_help_panel=_RADIO,
+        ),
+    ] = None
+    delay_ms: Annotated[
+        float | None,
+        typer.Option(metavar="MS", help="Delay of every frame beyond its one tick.", rich_help_panel=_RADIO),
+    ] = None
+    jitter_ms: Annotated[
+        float | None,
+        typer.Option(metavar="MS", help="Random extra delay, up to this.", rich_help_panel=_RADIO),
+    ] = None
+    duplicate: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Frames that arrive twice, 0 to 1.", rich_help_panel=_RADIO),
+    ] = None
+    reorder: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE", help="Frames held back behind later ones, 0 to 1.", rich_help_panel=_RADIO
+        ),
+    ] = None
+    set: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FIELD=VALUE",
+            help="Any field of the mission, e.g. [bold]--set hold_s=2 --set start.scrambled=true[/].",
+            rich_help_panel=_WHO,
+        ),
+    ] = None
+
+
+# Option -> field of the mission. Options of the same name as their field are left out.
+_FIELD_OF = {
+    "formation": "formation.shape",
+    "map": "map_seed",
+    "swap": "swap.rule",
+    "frame_rate": "radio.frame_rate_hz",
+    "burst": "radio.burst.loss",
+    **{name: f"radio.{name}" for name in ("loss", "delay_ms", "jitter_ms", "duplicate", "reorder")},
+}
+
+
+def flag(name: str) -> str:
+    """``delay_ms`` -> ``--delay-ms``."""
+    return "--" + name.replace("_", "-")
+
+
+def chosen(options: MissionOptions, *but: str) -> dict[str, Any]:
+    """The options that were given, without those in ``but``."""
+    given = {field.name: getattr(options, field.name) for field in fields(options)}
+    return {name: value for name, value in given.items() if value not in (None, []) and name not in but}
+
+
+def resolve(options: MissionOptions) -> "Mission":
+    """The mission these options ask for.
+
+    Raises:
+        protocols.mission.document.MissionError: one line that names the option or field and what would be right.
+    """
+    from pydantic import ValidationError
+
+    from protocols.mission.document import Mission, MissionError, explain, read_mission_fields
+
+    source, document = "", {}
+    if options.mission is not None:
+        path = mission_path(options.mission)
+        source, document = f"{options.mission}: ", read_mission_fields(path)
+    flags = {}
+    for name, value in chosen(options, "mission", "set").items():
+        field = _FIELD_OF.get(name, name)
+        flags[field] = flag(name)
+        _put(document, field, str(value) if isinstance(value, StrEnum) else value)
+    for text in options.set or []:
+        field, value = _setting(text)
+        flags[field] = f"--set {field}"
+        _put(document, field, value)
+    try:
+        return Mission.model_validate(document)
+    except ValidationError as error:
+        text = explain(error)
+    named = text
+    for field, name in flags.items():
+        named = re.sub(rf"(^|; ){re.escape(field)}: ", rf"\g<1>{name}: ", named)
+    raise MissionError(named if named != text else source + text)
+
+
+def mission_path(name: str) -> Path:
+    """Where the mission called ``name`` is: a file, or one of the shipped missions.
+
+    Raises:
+        protocols.mission.document.MissionError: neither.
+    """
+    from protocols.mission.document import MissionError
+
+    shipped = SHIPPED / f"{name}.yaml"
+    if name in shipped_missions() and not Path(name).is_file():
+        return shipped
+    if not Path(name).is_file():
+        raise MissionError(
+            f"--mission {name}: no such file; shipped missions are {', '.join(shipped_missions())}"
+        )
+    return Path(name)
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    import yaml
+
+    from protocols.mission.document import MissionError
+
+    field, equals, value = text.partition("=")
+    if not equals or not re.fullmatch(r"\w+(\.\w+)*", field):
+        raise MissionError(f"--set {text}: write FIELD=VALUE, for example --set radio.memory_s=1")
+    try:
+        return field, yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise MissionError(f"--set {text}: the value is not valid YAML") from None
+
+
+def _put(document: dict[str, Any], field: str, value: Any) -> None:
+    """Set a dotted field, making sections on the way. A section that is no mapping is left to validation."""
+    *sections, last = field.split(".")
+    place = document
+    for section in sections:
+        inner = place.get(section)
+        if inner is None:
+            inner = place[section] = {}
+        if not isinstance(inner, dict):
+            return
+        place = inner
+    place[last] = value
+
+
+def command_line(verb: str, options: MissionOptions, **instead: Any) -> str:
+    """The command that flies this again; ``instead`` replaces options, e.g. ``map=3``."""
+    words = ["rsc-swarm", verb]
+    for name, value in {**chosen(options), **instead}.items():
+        for item in value if isinstance(value, list) else [value]:
+            text = f"{item:g}" if isinstance(item, float) else str(item)
+            words += [flag(name), text]
+    return shlex.join(words)
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command one option per field of each parameter that is a dataclass of options."""
+    parameters = inspect.signature(command).parameters
+    groups: dict[str, Any] = {
+        name: entry.annotation for name, entry in parameters.items() if is_dataclass(entry.annotation)
+    }
+    flat = [
+        entry.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, entry in parameters.items()
+        if name not in groups
+    ]
+    for group in groups.values():
+        flat += [
+            inspect.Parameter(
+                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
+            )
+            for field in fields(group)
+        ]
+
+    @wraps(command)
+    def run(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        command(**values)
+
+    run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
+    run.__annotations__ = {entry.name: entry.annotation for entry in flat}
+    return run

@@ -1,0 +1,295 @@
+"""The processes of a launch: the world and the drones are children of one launcher, and none outlives it.
+
+- The launcher is single threaded and never opens Zenoh. It imports and warms everything once and then
+  forks, so a drone starts in milliseconds and shares its code with all others. ``os.fork`` rather than
+  ``multiprocessing``: a child here has no pipes, exit handlers or helper process of its parent's, and
+  leaves by ``os._exit``.
+- Every child ignores Ctrl-C and a closing terminal (the launcher answers both), writes to its own log, and
+  gets a signal from the kernel when the launcher dies, however it dies.
+- A drone is then killed outright. The world is asked to leave, so that it can finish its record, and
+  removes the folder of the run.
+- Linux only: it rests on ``prctl`` and on process file descriptors.
+"""
+
+import ctypes
+import gc
+import os
+import re
+import select
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, NamedTuple, NoReturn, Self
+
+from rsc_swarm.flight.socket_folder import remove_run_folder
+
+_PR_SET_PDEATHSIG = 1
+_LEAVE_WITHOUT_LAUNCHER_S = 1.5
+_ZENOH_THREAD = re.compile(r"(app|acc|tx|rx|net)-\d+")
+
+_libc = ctypes.CDLL(None, use_errno=True)
+_launcher_pid = 0  # in a child: its launcher; in the launcher: 0
+
+
+class Exit(NamedTuple):
+    """How a child ended: with an exit code, or by a signal."""
+
+    name: str
+    pid: int
+    code: int | None
+    signal: int | None
+
+    @property
+    def clean(self) -> bool:
+        return self.code == 0
+
+    def __str__(self) -> str:
+        if self.signal is not None:
+            return f"{self.name} (process {self.pid}) was ended by {signal.Signals(self.signal).name}"
+        return f"{self.name} (process {self.pid}) ended with exit code {self.code}"
+
+
+class Leave:
+    """Whether this process has been asked to leave. Its loop looks at ``asked`` at least every 0.2 s."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+
+def leave_on_sigterm() -> Leave:
+    """From now on SIGTERM asks this process to leave instead of ending it, so that it can close its link.
+
+    Call it once the link is open: a process that still waits for its world is better ended outright.
+    If it is the launcher's death that asks, nobody will come with SIGKILL: the kernel's alarm clock does it.
+    """
+    leave = Leave()
+
+    def ask(_signal: int, _frame: FrameType | None) -> None:
+        leave.asked = True
+        if launcher_died():
+            signal.setitimer(signal.ITIMER_REAL, _LEAVE_WITHOUT_LAUNCHER_S)
+
+    signal.signal(signal.SIGTERM, ask)
+    return leave
+
+
+def launcher_died() -> bool:
+    """In a child: whether its launcher is gone. Always False in the launcher itself."""
+    return _launcher_pid != 0 and os.getppid() != _launcher_pid
+
+
+class _Child(NamedTuple):
+    name: str
+    pid: int
+    pidfd: int
+
+
+class Supervisor:
+    """Starts, watches and ends the children of this process.
+
+    Leaving its ``with`` block, in whatever way, ends them all, after ``grace_s`` by force.
+    """
+
+    def __init__(self, grace_s: float = 2.0) -> None:
+        self._grace_s = grace_s
+        self._children: dict[str, _Child] = {}
+
+    @property
+    def running(self) -> tuple[str, ...]:
+        """Names of the children whose end has not been reported yet, in the order of their start."""
+        return tuple(self._children)
+
+    def pid(self, name: str) -> int:
+        return self._child(name).pid
+
+    def start(
+        self,
+        name: str,
+        target: Callable[..., object],
+        *args: Any,
+        log: Path | None = None,
+        at_launcher_death: signal.Signals = signal.SIGKILL,
+        run_folder: Path | None = None,
+    ) -> int:
+        """Fork a child that calls ``target(*args)``; returns its process number.
+
+        Args:
+            name: who it is, in reports and in its log. A name may be used again once its process has ended.
+            log: where stdout and stderr go (appended); None: where the launcher's go.
+            at_launcher_death: what the kernel sends it then. SIGTERM only for one that leaves soon by itself.
+            run_folder: removed by the child when it leaves after its launcher has died.
+
+        Raises:
+            ValueError: ``name`` is still running.
+            RuntimeError: this process has opened Zenoh; what it forks would hang.
+        """
+        if name in self._children:
+            raise ValueError(
+                f"{name} is still running: stop it, or kill it and poll until its end is reported, "
+                "before starting it again"
+            )
+        _refuse_to_fork_zenoh()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        launcher = os.getpid()
+        # No signal may reach the child between the fork and the moment its own handlers are in place.
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+        try:
+            pid = os.fork()
+            if pid == 0:
+                _be_child(launcher, name, target, args, log, at_launcher_death, run_folder, blocked)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        self._children[name] = _Child(name, pid, os.pidfd_open(pid))
+        return pid
+
+    def poll(self) -> list[Exit]:
+        """The children that have ended since the last call. Each end is reported once."""
+        ended = []
+        for child in tuple(self._children.values()):
+            pid, status = os.waitpid(child.pid, os.WNOHANG)
+            if pid:
+                ended.append(self._bury(child, status))
+        return ended
+
+    def wait(self, timeout_s: float, names: Iterable[str] | None = None) -> list[Exit]:
+        """Sleep until a child (one of ``names``) has ended or ``timeout_s`` is over; then as ``poll``."""
+        ends = select.poll()
+        for name in self.running if names is None else names:
+            if name in self._children:
+                ends.register(self._children[name].pidfd, select.POLLIN)
+        ends.poll(max(0.0, 1e3 * timeout_s))
+        return self.poll()
+
+    def stop(self, grace_s: float, names: Iterable[str] | None = None) -> list[Exit]:
+        """End the children (all, or ``names``): SIGTERM, and SIGKILL for those still there after ``grace_s``.
+
+        Frozen ones are thawed to hear it. Returns all ends that came to light, in that order.
+        """
+        asked = [name for name in (self.running if names is None else names) if name in self._children]
+        ended: list[Exit] = []
+        try:
+            for name in asked:
+                self._signal(name, signal.SIGTERM)
+                self._signal(name, signal.SIGCONT)
+            deadline = time.monotonic() + grace_s
+            while any(name in self._children for name in asked) and time.monotonic() < deadline:
+                ended += self.wait(deadline - time.monotonic(), asked)
+        finally:  # also when Ctrl-C comes a second time
+            for name in asked:
+                if name in self._children:
+                    self._signal(name, signal.SIGKILL)
+            for name in asked:
+                if name in self._children:
+                    child = self._children[name]
+                    ended.append(self._bury(child, os.waitpid(child.pid, 0)[1]))
+        return ended
+
+    def kill(self, name: str) -> None:
+        """SIGKILL one child; its end is reported by ``poll``."""
+        self._child(name)
+        self._signal(name, signal.SIGKILL)
+
+    def freeze(self, name: str) -> None:
+        """Stop one child in its tracks (SIGSTOP), as a hung process would be."""
+        self._child(name)
+        self._signal(name, signal.SIGSTOP)
+
+    def thaw(self, name: str) -> None:
+        """Let a frozen child go on."""
+        self._child(name)
+        self._signal(name, signal.SIGCONT)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop(self._grace_s)
+
+    def _child(self, name: str) -> _Child:
+        if name not in self._children:
+            raise ValueError(f"{name} is not running: running are {', '.join(self.running) or 'none'}")
+        return self._children[name]
+
+    def _signal(self, name: str, number: signal.Signals) -> None:
+        # A child that has ended and is not buried yet keeps its number, and takes a signal without complaint.
+        os.kill(self._children[name].pid, number)
+
+    def _bury(self, child: _Child, status: int) -> Exit:
+        os.close(child.pidfd)
+        del self._children[child.name]
+        code = os.waitstatus_to_exitcode(status)
+        return Exit(child.name, child.pid, code if code >= 0 else None, -code if code < 0 else None)
+
+
+def _refuse_to_fork_zenoh() -> None:
+    for task in Path("/proc/self/task").iterdir():
+        if _ZENOH_THREAD.fullmatch((task / "comm").read_text().strip()):
+            raise RuntimeError(
+                "this process has opened Zenoh, so a process forked from it would hang: "
+                "start the swarm from a process that has not"
+            )
+
+
+def _be_child(
+    launcher: int,
+    name: str,
+    target: Callable[..., object],
+    args: tuple[Any, ...],
+    log: Path | None,
+    at_launcher_death: signal.Signals,
+    run_folder: Path | None,
+    mask: set[int | signal.Signals],
+) -> NoReturn:
+    """The whole life of a child. Never returns, so nothing of the launcher's runs twice."""
+    global _launcher_pid
+    code = 1
+    try:
+        _launcher_pid = launcher
+        _libc.prctl(_PR_SET_PDEATHSIG, at_launcher_death, 0, 0, 0)
+        if launcher_died():  # before the request was in place: then no signal comes any more
+            os._exit(1)
+        for number in signal.valid_signals():
+            if callable(signal.getsignal(number)):
+                signal.signal(number, signal.SIG_DFL)
+        for answered_by_launcher in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(answered_by_launcher, signal.SIG_IGN)
+        signal.set_wakeup_fd(-1)
+        if log is not None:
+            _write_to(log)
+        gc.freeze()  # the collector leaves the launcher's objects alone, so their memory stays shared
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        target(*args)
+        code = 0
+    except SystemExit as leaving:
+        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+    except BaseException as error:
+        sys.stderr.write(f"{name}: {type(error).__name__}: {' '.join(str(error).split())}\n")
+        if log is not None:
+            traceback.print_exc()
+    finally:
+        try:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            if run_folder is not None and launcher_died():
+                remove_run_folder(run_folder)
+        finally:
+            os._exit(code)
+
+
+def _write_to(log: Path) -> None:
+    """Send stdout and stderr to ``log``, and take stdin from nowhere."""
+    nowhere = os.open(os.devnull, os.O_RDONLY)
+    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    for source, number in ((nowhere, 0), (file, 1), (file, 2)):
+        os.dup2(source, number)
+    os.close(nowhere)
+    os.close(file)
+    sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)
+    sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)

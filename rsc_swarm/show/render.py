@@ -1,0 +1,138 @@
+"""A report as text for people: the verdict, where and when, the figures, and how to fly it again."""
+
+import io
+import sys
+from typing import TextIO
+
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from rsc_swarm.show.report import FlightReport, agents_text, lost_text
+
+
+def render(report: FlightReport) -> RenderableType:
+    """The report, to be printed by a rich console; without a terminal it is plain text."""
+    mission = report.mission
+    if report.success:
+        verdict = Text.assemble(("SUCCESS", "bold green"), f": {report.detail}.")
+    elif report.failure == "interrupted":
+        verdict = Text.assemble(("STOPPED", "bold yellow"), f": {report.detail}.")
+    else:
+        verdict = Text.assemble((f"FAILED ({report.failure})", "bold red"), f": {report.detail}.")
+    lines: list[RenderableType] = [verdict]
+    if report.min_distance_m is not None and report.failure != "collision":
+        limit = mission["limits"]["collision_m"]
+        lines.append(
+            Text(
+                f"Closest: {report.closest}, {report.min_distance_m:.2f} m apart "
+                f"(a collision is less than {limit:g} m)."
+            )
+        )
+    return Group(
+        *lines, Text(), _figures(report), Text(), Text.assemble("Fly it again:  ", (report.again, "bold"))
+    )
+
+
+def _figures(report: FlightReport) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, text in _rows(report):
+        table.add_row(name, text)
+    return table
+
+
+def _rows(report: FlightReport) -> list[tuple[str, str]]:
+    mission, frames, swaps = report.mission, report.frames, report.swaps
+    seeds = f"map {report.map_seed}, seed {report.seed}"
+    when = "at success" if report.tau_s is not None else "at the end"
+    rows = [
+        ("mission", f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}"),
+        (
+            "worst edge error",
+            f"{100 * report.max_edge_error:.2f} % {when} (limit {100 * mission['edge_tolerance']:g} %)",
+        ),
+        ("worst slot error", f"{report.max_slot_error_m:.2f} m {when}"),
+    ]
+    if report.lost_agents:
+        rows.append(("lost", lost_text(report.lost_agents)))
+    rows.append(("swaps", _swaps(report)))
+    if report.overlap_s:
+        rows.append(("slots claimed twice", f"{report.overlap_s:.2f} s in all"))
+    rows.append(("frames sent", f"{frames.sent:,} of {frames.median_bytes:.0f} bytes (median)"))
+    rows.append(("frames heard", _heard(report)))
+    rejected = [f"{number:,} {reason}" for reason, number in frames.rejected.items() if number]
+    if rejected:
+        rows.append(("frames rejected", ", ".join(rejected)))
+    how = "in real processes" if report.mode == "launch" else "in one process"
+    rows.append(
+        (
+            "flown",
+            f"{report.time_s:.2f} s {how} in {report.wall_s:.1f} s, "
+            f"{report.real_time_factor:.1f} x real time",
+        )
+    )
+    if report.clock == "realtime":
+        rows.append(("late answers", f"{report.deadline_misses:,} of {report.ticks * report.agents:,}"))
+    if report.first_tick_s is not None:
+        rows.append(("first tick", f"{report.first_tick_s:.2f} s after the command"))
+    if report.pss_mb_per_agent is not None:
+        rows.append(("memory per agent", f"{report.pss_mb_per_agent:.1f} MB"))
+    if swaps.undone or swaps.forced:
+        rows.append(("swap history", f"{swaps.undone} swaps undone by a merge, {swaps.forced} folds forced"))
+    rows.append(("digest", report.digest))
+    return rows
+
+
+def _swaps(report: FlightReport) -> str:
+    swaps = report.swaps
+    text = f"{swaps.committed} made of {swaps.proposed} proposed"
+    fates = [
+        f"{number} {fate}"
+        for fate, number in (
+            ("refused", swaps.refused),
+            ("withdrawn", swaps.withdrawn),
+            ("timed out", swaps.timed_out),
+        )
+        if number
+    ]
+    if fates:
+        text += f" ({', '.join(fates)})"
+    if swaps.vacated:
+        text += f", {swaps.vacated} slot{'s' if swaps.vacated > 1 else ''} taken from the dead"
+    return text
+
+
+def _heard(report: FlightReport) -> str:
+    frames = report.frames
+    lost = {name: number for name, number in frames.dropped.model_dump().items() if number}
+    text = f"{frames.delivered:,}"
+    if lost:
+        share = sum(lost.values()) / max(1, sum(lost.values()) + frames.delivered)
+        by = ", ".join(f"{name.replace('_', ' ')} {number:,}" for name, number in lost.items())
+        text += f"; {100 * share:.1f} % lost ({by})"
+    return text
+
+
+def console(stream: TextIO | None = None) -> Console:
+    """A console on stdout or ``stream``: colours on a terminal (unless NO_COLOR), plain lines elsewhere."""
+    stream = stream or sys.stdout
+    # Elsewhere than on a terminal nothing may be wrapped: programs and screen readers want whole lines.
+    return Console(file=stream, highlight=False, width=None if stream.isatty() else 400)
+
+
+def show(renderable: RenderableType, stream: TextIO | None = None) -> None:
+    """Print on stdout or ``stream``, without trailing blanks where it is no terminal."""
+    out = console(stream)
+    if out.is_terminal:
+        out.print(renderable)
+    else:
+        out.file.write(plain(renderable))
+
+
+def plain(renderable: RenderableType) -> str:
+    """What ``renderable`` looks like in a file."""
+    text = io.StringIO()
+    console(text).print(renderable)
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines()) + "\n"

@@ -1,0 +1,235 @@
+"""The report of a flight: the document for programs (``--json``) and the text for people.
+
+Every field says what it means; docs/report.md is made from here (``rsc-swarm schema --markdown``).
+"""
+
+import math
+from dataclasses import asdict
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission
+from protocols.wire.frames import REASONS
+from protocols.wire.status import SWAP_COUNTS
+from world.core import Outcome
+from world.server.session import Flown
+
+Failure = Literal["collision", "late", "broken-invariant", "all-lost", "interrupted"]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Dropped(_Part):
+    """Frames lost, by the rule of the medium that lost them. A frame counts once per receiver in range."""
+
+    partition: int = Field(description="sender and receiver were parted")
+    burst: int = Field(description="the link was in a bad spell (Gilbert-Elliott)")
+    loss: int = Field(description="independent loss")
+    to_nobody: int = Field(description="arrived when the receiver was no longer listening")
+
+
+class FrameCounts(_Part):
+    """The radio traffic of the flight."""
+
+    sent: int = Field(description="broadcasts")
+    sent_bytes: int = Field(description="bytes of all broadcasts")
+    median_bytes: float = Field(description="median size of a broadcast")
+    delivered: int = Field(description="frames heard: a broadcast counts once per receiver")
+    delivered_bytes: int = Field(description="bytes of all frames heard")
+    out_of_range: int = Field(description="receivers beyond radio range, summed over broadcasts; not a loss")
+    dropped: Dropped
+    held_back: int = Field(description="frames delayed behind later ones")
+    doubled: int = Field(description="frames that arrived twice")
+    rejected: dict[str, int] = Field(description="frames that drones refused to believe, by reason")
+
+
+class SwapTotals(_Part):
+    """What the drones did about their slots, summed over all drones."""
+
+    proposed: int = Field(description="swaps proposed to another drone")
+    committed: int = Field(description="swaps that took place")
+    accepted: int = Field(description="promises given to a proposer")
+    refused: int = Field(description="proposals refused by the one asked")
+    withdrawn: int = Field(description="proposals overtaken by another swap")
+    timed_out: int = Field(description="proposals and promises that waited in vain")
+    vacated: int = Field(description="slots of dead drones taken over")
+    undone: int = Field(description="swaps acted on that a later merge turned off")
+    forced: int = Field(description="folds of the swap history without waiting for everybody")
+    adopted: int = Field(description="foreign checkpoints of the swap history taken over")
+
+
+class WatchCounts(_Part):
+    """What must hold among the drones' views of who is in which slot, and how long they differed."""
+
+    breach: str | None = Field(description="the first broken invariant; null if all held")
+    views_differ_s: float = Field(description="time during which not all living drones had the same view")
+    agreed_after_s: float | None = Field(
+        description="from the last fault (or start) until all had one view; null if they never had"
+    )
+    allowed_after_s: float | None = Field(
+        description="the same, had every frame that arrived told all its sender knew; null if never, or without faults"
+    )
+    agreed: bool = Field(description="whether all living drones had one view at the end")
+    most_swaps_in_a_second: int = Field(description="swaps of the whole swarm in its busiest second")
+    undone: int = Field(description="swaps that a merge turned off again")
+
+
+class FlightReport(_Part):
+    """One flight, told completely. Metres, seconds; errors are relative to the edge length."""
+
+    success: bool = Field(
+        description="every drone passed the goal line and every obstacle, in formation, in time"
+    )
+    failure: Failure | None = Field(description="null after a success; else what ended the flight")
+    detail: str = Field(description="the outcome as a sentence: who, where, when")
+    tau_s: float | None = Field(description="time of success; null if there was none")
+    formed_s: float | None = Field(
+        description="when the formation first stood, wherever that was; null if never"
+    )
+    max_edge_error: float = Field(
+        description="worst relative length error of a tree edge, at tau or at the end"
+    )
+    max_slot_error_m: float = Field(
+        description="worst distance of a drone from its slot's target, at tau or at the end"
+    )
+    min_distance_m: float | None = Field(
+        description="smallest distance between two drones or a drone and an obstacle's surface"
+    )
+    closest: str = Field(description="who came that close, where and when")
+    held_after_success: bool | None = Field(
+        description="whether the formation held for hold_s; null if that was not asked"
+    )
+    overlap_s: float = Field(description="time during which drones claimed the same slot, summed over drones")
+    ticks: int = Field(description="length of the flight in ticks of 10 ms")
+    time_s: float = Field(description="length of the flight in simulated seconds")
+    agents: int = Field(description="drones that started")
+    lost_agents: tuple[int, ...] = Field(description="drones out of the air at the end")
+    real_time_factor: float = Field(description="simulated seconds per second of wall clock")
+    wall_s: float = Field(description="wall-clock seconds from the first tick to the last")
+    deadline_misses: int = Field(
+        description="answers that came too late for their tick (realtime clock only)"
+    )
+    digest: str = Field(description="hash of every tick's state; equal digests are equal flights")
+    policy: str = Field(description="the controller")
+    map_seed: int = Field(description="seed of the obstacles")
+    seed: int = Field(description="seed of start places, radio and slots")
+    clock: Literal["lockstep", "realtime"] = Field(description="repeatable, or 100 Hz on the wall clock")
+    mode: Literal["launch", "simulate"] = Field(description="real processes, or all in one")
+    frames: FrameCounts
+    swaps: SwapTotals
+    first_tick_s: float | None = Field(description="launch: seconds from the command to the first tick")
+    pss_mb_per_agent: float | None = Field(
+        description="launch: memory of one drone's process (PSS), mean, MB"
+    )
+    watch: WatchCounts
+    again: str = Field(description="the command that flies this flight again")
+    mission: dict[str, Any] = Field(description="the mission, every field")
+
+
+def report_of(
+    flown: Flown,
+    mission: Mission,
+    mode: Literal["launch", "simulate"],
+    clock: str,
+    again: str,
+    first_tick_s: float | None = None,
+    pss_mb_per_agent: float | None = None,
+) -> FlightReport:
+    """The report of ``flown``; ``again`` is the command that flies it once more."""
+    outcome = flown.outcome
+    nearest = outcome.min_distance_m
+    return FlightReport.model_validate(
+        {
+            **asdict(outcome),
+            "detail": describe(outcome, mission, flown.watched.breach),
+            "min_distance_m": nearest if math.isfinite(nearest) else None,
+            "time_s": round(outcome.ticks * TICK_S, 2),
+            "agents": mission.agents,
+            "real_time_factor": flown.real_time_factor,
+            "wall_s": flown.wall_s,
+            "deadline_misses": flown.deadline_misses,
+            "policy": mission.policy,
+            "map_seed": mission.map_seed,
+            "seed": mission.seed,
+            "clock": clock,
+            "mode": mode,
+            "frames": _frames(flown),
+            "swaps": {name: _total(flown, "swaps", index) for index, name in enumerate(SWAP_COUNTS)},
+            "first_tick_s": first_tick_s,
+            "pss_mb_per_agent": pss_mb_per_agent,
+            "watch": asdict(flown.watched),
+            "again": again,
+            "mission": mission.model_dump(mode="json"),
+        }
+    )
+
+
+def _total(flown: Flown, field: str, index: int) -> int:
+    """One count of the drones' accounts, summed over all drones."""
+    return sum(getattr(status, field)[index] for status in flown.statuses.values())
+
+
+def _frames(flown: Flown) -> dict[str, Any]:
+    dropped = {rule: flown.tally[rule] for rule in Dropped.model_fields}
+    counts = {name: number for name, number in flown.tally.items() if name not in dropped}
+    rejected = {reason: _total(flown, "rejected", index) for index, reason in enumerate(REASONS)}
+    return {**counts, "median_bytes": flown.median_frame_bytes, "dropped": dropped, "rejected": rejected}
+
+
+def describe(outcome: Outcome, mission: Mission, breach: str | None = None) -> str:
+    """How the flight ended, as a sentence."""
+    if not outcome.success:
+        return describe_failure(outcome, breach)
+    lost = len(outcome.lost_agents)
+    who = (
+        f"all {mission.agents} agents"
+        if not lost
+        else f"the {mission.agents - lost} agents left of {mission.agents}"
+    )
+    if mission.agents == 1:
+        who = "the agent"
+    text = f"{who} in formation beyond the goal line and every obstacle after {outcome.tau_s:.2f} s"
+    if outcome.held_after_success is not None:
+        kept = "and held it" if outcome.held_after_success else "but did not hold it"
+        text += f" {kept} for {mission.hold_s:g} s more"
+    return text
+
+
+def describe_failure(outcome: Outcome, breach: str | None = None) -> str:
+    """Why the flight failed, as a sentence: who, where, when."""
+    when = f"{outcome.ticks * TICK_S:.2f} s"
+    if outcome.failure == "collision":
+        return f"{outcome.min_distance_m:.2f} m between {outcome.closest}"
+    if outcome.failure == "broken-invariant":
+        return breach or f"an invariant of the slots broke at t = {when}"
+    if outcome.failure == "all-lost":
+        return f"every agent was lost by t = {when}"
+    state = (
+        f"worst edge error {outcome.max_edge_error:.0%}, worst slot error {outcome.max_slot_error_m:.1f} m"
+    )
+    if outcome.lost_agents:
+        state += f", lost {_numbers(outcome.lost_agents)}"
+    if outcome.failure == "interrupted":
+        return f"interrupted at t = {when}: {state}"
+    return f"not in formation beyond the goal line within {when}: {state}"
+
+
+def _numbers(agents: tuple[int, ...]) -> str:
+    """``agents 3, 4 and 7``."""
+    if len(agents) == 1:
+        return f"agent {agents[0]}"
+    return "agents " + ", ".join(str(agent) for agent in agents[:-1]) + f" and {agents[-1]}"
+
+
+def agents_text(agents: int) -> str:
+    """``1 agent``, ``25 agents``."""
+    return f"{agents} agent{'' if agents == 1 else 's'}"
+
+
+def lost_text(agents: tuple[int, ...]) -> str:
+    """Which drones were lost, shortened if they are many."""
+    return "none" if not agents else _numbers(agents) if len(agents) <= 12 else f"{len(agents)} agents"

@@ -1,0 +1,145 @@
+"""The live view of a flight: one table on a terminal, one line per two simulated seconds elsewhere.
+
+No threads: the picture is drawn when `View.update` is called and at no other time; the launcher forks.
+"""
+
+import math
+import sys
+from types import TracebackType
+from typing import Self, TextIO
+
+from rich.console import Group
+from rich.live import Live
+from rich.text import Text
+
+from rsc_swarm.show.render import console
+from world.outlets.snapshot import AgentRow, Snapshot
+
+_LINE_EVERY_S = 2.0
+_HEAD_LINES = 5
+_ONE_COLUMN = 20  # more drones than this are shown in two columns
+_HEADING = f"{'agent':>5} {'slot':>4} {'m/s':>4} {'near m':>6} {'edge':>5} {'hear':>4} {'bad':>3}"
+
+
+class View:
+    """Shows snapshots of one flight while its ``with`` block lasts. ``last`` is the latest one."""
+
+    def __init__(self, title: str, stream: TextIO | None = None) -> None:
+        """``title`` says what is flown; ``stream`` is stderr unless given."""
+        self._title = title
+        self._console = console(stream or sys.stderr)
+        self._live = (
+            Live(console=self._console, auto_refresh=False, transient=True)
+            if self._console.is_terminal
+            else None
+        )
+        self._next_line_s = 0.0
+        self.last: Snapshot | None = None
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Show this moment."""
+        self.last = snapshot
+        if self._live:
+            self._live.update(picture(self._title, snapshot, self._console.height), refresh=True)
+        elif snapshot.time_s >= self._next_line_s:
+            self._next_line_s = (math.floor(snapshot.time_s / _LINE_EVERY_S) + 1) * _LINE_EVERY_S
+            self._console.print(Text(line(snapshot)))
+
+    def say(self, text: str) -> None:
+        """One line above the picture."""
+        self._console.print(Text(text))
+
+    def __enter__(self) -> Self:
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live:
+            self._live.stop()
+
+
+def line(snapshot: Snapshot) -> str:
+    """One moment in one line."""
+    flying = [row for row in snapshot.agents if row.state != "lost"]
+    nearest = min((row.nearest_m for row in flying), default=math.inf)
+    edge = max((row.edge_error for row in flying), default=0.0)
+    text = (
+        f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time  "
+        f"{_passed(snapshot)}  nearest {nearest:5.2f} m  "
+        f"worst edge {100 * edge:4.0f} %  swaps {swaps(snapshot)}"
+    )
+    lost = len(snapshot.agents) - len(flying)
+    return text + (f"  lost {lost}" if lost else "") + _late(snapshot)
+
+
+def swaps(snapshot: Snapshot) -> int:
+    """Swaps that took place so far."""
+    return snapshot.swaps["committed"] + snapshot.swaps["vacated"]
+
+
+def _passed(snapshot: Snapshot) -> str:
+    return f"obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}"
+
+
+def _late(snapshot: Snapshot) -> str:
+    return f"  late answers {snapshot.deadline_misses}" if snapshot.deadline_misses else ""
+
+
+def picture(title: str, snapshot: Snapshot, height: int) -> Group:
+    """One moment as a picture of at most ``height`` lines and 80 columns."""
+    frames = snapshot.frames
+    lost = frames["partition"] + frames["burst"] + frames["loss"]
+    share = lost / max(1, lost + frames["delivered"])
+    head = [
+        Text.assemble((title, "bold"), no_wrap=True, overflow="ellipsis"),
+        Text(
+            f"t {snapshot.time_s:6.2f} s   tick {snapshot.tick:5d}   "
+            f"{snapshot.real_time_factor:5.1f} x real time   {_passed(snapshot)}{_late(snapshot)}",
+            no_wrap=True,
+        ),
+        Text(
+            f"frames sent {frames['sent']:,}  heard {frames['delivered']:,}  lost {100 * share:.0f} %   "
+            f"swaps made {swaps(snapshot)} of {snapshot.swaps['proposed']} proposed",
+            no_wrap=True,
+        ),
+    ]
+    return Group(*head, Text(), *_table(snapshot, height - _HEAD_LINES - 1))
+
+
+def _table(snapshot: Snapshot, lines: int) -> list[Text]:
+    """The drones in one or two columns, as many as fit under the heading."""
+    columns = 1 if len(snapshot.agents) <= _ONE_COLUMN else 2
+    needed = -(-len(snapshot.agents) // columns)
+    shown = needed if needed <= lines - 1 else max(1, lines - 2)
+    table = [Text("  ".join([_HEADING] * columns), style="dim", no_wrap=True)]
+    for index in range(shown):
+        row = Text(no_wrap=True)
+        for column in range(columns):
+            agent = index + column * shown
+            if agent < len(snapshot.agents):
+                row.append("  " if column else "").append_text(_cell(snapshot.agents[agent]))
+        table.append(row)
+    hidden = len(snapshot.agents) - shown * columns
+    if hidden > 0:
+        table.append(Text(f"and {hidden} more: make the window taller to see them", style="dim"))
+    return table
+
+
+def _cell(row: AgentRow) -> Text:
+    """One drone, as wide as the heading."""
+    if row.state == "lost":
+        return Text(f"{row.agent:>5} {'lost':>4}".ljust(len(_HEADING)), style="red")
+    text = Text()
+    text.append(f"{row.agent:>5} {row.slot:>4} {row.speed_mps:4.1f} ")
+    near = "-" if math.isinf(row.nearest_m) else f"{min(row.nearest_m, 999.0):.2f}"
+    text.append(f"{near:>6}", "red" if row.nearest_m < 1.0 else "")
+    edge = 100 * row.edge_error
+    text.append(f" {min(edge, 999):4.0f}%", "green" if edge < 10 else "yellow")
+    text.append(f" {row.heard:>4} ")
+    text.append(f"{min(row.rejected, 999):>3}", "red" if row.rejected else "")
+    if row.state == "frozen":
+        text.stylize("reverse")
+    return text

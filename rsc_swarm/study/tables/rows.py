@@ -1,0 +1,251 @@
+"""What stands in each table: which controller is flown where and how, and what the paper reports for it.
+
+A row is flown by `rsc-swarm evaluate` with its options. Its key is made of words, such as ``n36/rsc-h20/paper``; `chosen` finds
+rows by some of them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from protocols.mission.document import MissionError
+from rsc_swarm.cli.options import Formation, MissionOptions
+
+
+@dataclass(frozen=True)
+class Paper:
+    """A row of the paper: S and D in %, tau in s, MAE in 1e-4 m; None where it has a dash."""
+
+    success_pct: float
+    tau_s: float | None
+    mae_1e4_m: float | None
+    noncollision_pct: float
+
+    @property
+    def collision_pct(self) -> float:
+        """C in %: the paper counts every failure as a collision or as D."""
+        return 100 - self.success_pct - self.noncollision_pct
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where rows are flown. word: for keys; title: for people; options: the mission."""
+
+    word: str
+    title: str
+    options: MissionOptions
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a controller is flown. word: for keys; title: for people; settings: on top of the mission."""
+
+    word: str
+    title: str
+    settings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: a controller (name), flown in a way at a place, and the paper's figures where it has them."""
+
+    place: Place
+    name: str
+    way: Way
+    policy: str
+    paper: Paper | None = None
+
+    @property
+    def key(self) -> str:
+        """The row's words, joined by slashes; no two rows of a table have the same."""
+        return "/".join(word for word in (self.place.word, self.name.lower(), self.way.word) if word)
+
+    @property
+    def options(self) -> MissionOptions:
+        """What `rsc-swarm evaluate` is told to fly this row."""
+        texts = (*(self.place.options.set or ()), *self.way.settings)
+        settings = dict(text.split("=") for text in texts)  # the last word on a field counts
+        return replace(
+            self.place.options,
+            policy=self.policy,
+            set=[f"{name}={value}" for name, value in settings.items()],
+        )
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table. name: for ``--table``; places: the heading over the rows' places, empty if there is only one; of_slots: it
+    shows what trading slots cost."""
+
+    name: str
+    title: str
+    places: str
+    rows: tuple[Row, ...]
+    of_slots: bool = False
+
+
+def chosen(table: Table, names: str | None) -> list[Row]:
+    """The rows that ``--rows`` asks for: each name, between commas, takes the rows that have all its words.
+
+    Raises:
+        MissionError: a name that no row has.
+    """
+    wanted = [frozenset(name.strip().split("/")) for name in (names or "").split(",") if name.strip()]
+    words = [frozenset(row.key.split("/")) for row in table.rows]
+    for name in wanted:
+        if not any(name <= of_row for of_row in words):
+            known = list(dict.fromkeys(word for row in table.rows for word in row.key.split("/")))
+            raise MissionError(
+                f"--rows {'/'.join(sorted(name))}: no such row in table {table.name}; its words are {', '.join(known)}"
+            )
+    pairs = zip(table.rows, words, strict=True)
+    return [row for row, of_row in pairs if not wanted or any(name <= of_row for name in wanted)]
+
+
+_PLAIN = Place("", "", MissionOptions())
+_ALONE, _OURS = Way("", ""), Way("ours", "ours")
+# The paper has none of ours: the safety filter, detours, swaps with any drone in contact.
+_PAPERS_SWAPS = ("swap.rule=tree", "swap.cooldown_s=1")
+_NO_DETOUR = "detour=false"
+_BARE = ("safety_filter=false", _NO_DETOUR)
+_PAPERS_STEPS = ("trajectory.tracking=required", "trajectory.blend=true", *_BARE)
+_BASELINE = (Way("no-filter", "without filter", _BARE), Way("filter", "with filter", (_NO_DETOUR,)))
+
+
+def _papers_way(horizon: int) -> Way:
+    """The paper asks a model for its next trajectory when the last one has been flown to its end."""
+    settings = (*_PAPERS_STEPS, *_PAPERS_SWAPS, f"trajectory.replan_ticks={horizon}")
+    return Way("paper", "as in the paper", settings)
+
+
+def _expert(place: Place, paper: Paper | None = None) -> Row:
+    return Row(place, "Expert", _ALONE, "expert", paper)
+
+
+def _baseline(place: Place, name: str, policy: str, paper: Paper | None = None) -> Iterator[Row]:
+    for way in _BASELINE:
+        yield Row(place, name, way, policy, paper)
+
+
+def _analytic(place: Place) -> Iterator[Row]:
+    yield Row(place, "Analytic", _BASELINE[0], "analytic")
+    yield Row(place, "Analytic", _OURS, "analytic")
+
+
+def _rsc(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row]:
+    for way in (_papers_way(horizon), _OURS):
+        yield Row(place, f"RSC-H{horizon}", way, f"rsc-h{horizon}", paper)
+
+
+def _table_1() -> Iterator[Row]:
+    yield _expert(_PLAIN, Paper(96.0, 13.06, None, 3.0))
+    yield from _analytic(_PLAIN)
+    yield from _baseline(_PLAIN, "Saber", "saber", Paper(5.0, 15.47, None, 39.5))
+    yield from _baseline(_PLAIN, "STGNN", "stgnn", Paper(0.0, None, None, 72.0))
+    yield from _rsc(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
+    yield from _rsc(_PLAIN, 10, Paper(58.5, 13.11, 6.2, 23.0))
+    yield from _rsc(_PLAIN, 20, Paper(83.0, 13.17, 7.9, 2.5))
+    yield from _rsc(_PLAIN, 30, Paper(81.5, 13.32, 11.17, 3.0))
+    yield from _rsc(_PLAIN, 40, Paper(82.5, 13.62, 13.48, 2.5))
+
+
+def _size(
+    agents: int, shape: str, papers: dict[str, Paper], **options: Any
+) -> tuple[Place, dict[str, Paper]]:
+    return Place(f"n{agents}", f"{agents}, {shape}", MissionOptions(agents=agents, **options)), papers
+
+
+def _table_2() -> Iterator[Row]:
+    sizes = (
+        _size(6, "triangle", {
+            "Expert": Paper(97.0, 9.51, None, 0.4), "H20": Paper(90.5, 9.72, 11.25, 1.0),
+            "H30": Paper(95.5, 9.61, 15.03, 0.0), "H40": Paper(92.5, 9.77, 17.95, 1.0),
+        }),
+        _size(12, "triangle", {
+            "Expert": Paper(95.4, 11.63, None, 0.0), "H20": Paper(90.0, 11.70, 7.70, 0.0),
+            "H30": Paper(90.5, 11.55, 13.83, 0.0), "H40": Paper(87.5, 11.74, 11.01, 2.0),
+        }),
+        _size(36, "square", {
+            "Expert": Paper(89.8, 15.17, None, 6.8), "H20": Paper(76.0, 15.43, 9.10, 2.0),
+            "H30": Paper(76.5, 15.53, 12.03, 2.5), "H40": Paper(73.0, 15.52, 15.10, 2.5),
+        }),
+        _size(49, "square", {}),
+        _size(15, "V", {}, formation=Formation.vee),
+    )  # fmt: skip
+    for place, papers in sizes:
+        yield _expert(place, papers.get("Expert"))
+        yield Row(place, "Analytic", _OURS, "analytic")
+        for horizon in (20, 30, 40) if papers else (20,):
+            yield from _rsc(place, horizon, papers.get(f"H{horizon}"))
+
+
+def _table_3() -> Iterator[Row]:
+    papers = {
+        (True, True): Paper(83.0, 13.17, 7.90, 2.5),
+        (False, True): Paper(78.5, 13.05, 8.35, 2.5),
+        (True, False): Paper(49.5, 13.01, 7.75, 34.0),
+        (False, False): Paper(38.0, 12.08, 8.75, 36.0),
+    }
+    for way in (_papers_way(20), _OURS):
+        for (blend, swaps), paper in papers.items():
+            place = Place(
+                f"{'blend' if blend else 'no-blend'}/{'swaps' if swaps else 'no-swaps'}",
+                f"{'with' if blend else 'without'} / {'with' if swaps else 'without'}",
+                MissionOptions(),
+            )
+            off = (() if blend else ("trajectory.blend=false",)) + (() if swaps else ("swap.rule=off",))
+            yield Row(place, "RSC-H20", replace(way, settings=way.settings + off), "rsc-h20", paper)
+
+
+_HARDER = ("dense", "scrambled", "slow-leader", "fast-target", "poor-radio-30", "poor-radio-50", "poor-radio-70",
+           "lost-agent")  # fmt: skip
+_EXPERTS = ("dense", "scrambled", "fast-target")  # it has no radio that could be poor, and nobody to lose
+_OFTEN = Way("every-10", "ours, a plan every 10 ticks", ("trajectory.replan_ticks=10",))
+_STRAIGHT = Way("no-detour", "ours, without detours", (_NO_DETOUR,))
+_FORGETFUL = Way(
+    "no-memory", "without detours, obstacles not remembered", ("sensing.obstacle_memory=false", _NO_DETOUR)
+)
+
+
+def _table_harder() -> Iterator[Row]:
+    for mission in _HARDER:
+        place = Place(mission, mission, MissionOptions(mission=mission))
+        if mission in _EXPERTS:
+            yield _expert(place)
+        if mission == "dense":
+            yield Row(place, "Analytic", _FORGETFUL, "analytic")
+            yield Row(place, "Analytic", _STRAIGHT, "analytic")
+        yield Row(place, "Analytic", _OURS, "analytic")
+        yield from _rsc(place, 20)
+        if mission == "dense":
+            yield Row(place, "RSC-H20", _STRAIGHT, "rsc-h20")
+            yield Row(place, "RSC-H20", _OFTEN, "rsc-h20")
+
+
+_RULES = (
+    Way("agreed", "agreed"),
+    Way("highest-version", "highest version", ("swap.protocol=highest-version",)),
+    Way("no-swaps", "no swaps", ("swap.rule=off",)),
+)
+
+
+def _table_slots() -> Iterator[Row]:
+    for mission in ("scrambled", "form-up", "slow-leader", "lost-agent"):
+        for agents in (12, 25, 36):
+            place = Place(
+                f"{mission}/n{agents}", f"{mission}, {agents}", MissionOptions(mission=mission, agents=agents)
+            )
+            for way in _RULES:
+                yield Row(place, "Analytic", way, "analytic")
+
+
+TABLES = {
+    table.name: table
+    for table in (
+        Table("1", "25 drones", "", tuple(_table_1())),
+        Table("2", "Other sizes, without training for them", "drones", tuple(_table_2())),
+        Table("3", "What the blend and the swaps are worth", "blend / swaps", tuple(_table_3())),
+        Table("harder", "Harder fields, 25 drones", "field", tuple(_table_harder())),
+        Table("slots", "Rules for trading slots", "field, drones", tuple(_table_slots()), of_slots=True),
+    )
+}

@@ -1,0 +1,71 @@
+"""The recorder: every drone's path through one world, one row per tick, for pictures and for looking again.
+
+Row t holds the state at the beginning of tick t, so row 0 is the start and the last row is the end.
+"""
+
+import os
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission
+from world.core import WorldCore
+
+_Kind = TypeVar("_Kind", bound=np.generic)
+
+_FIRST_ROWS = 2200  # a flight of the standard task; longer ones double it
+
+
+class Recorder:
+    """Keeps positions and velocities (T, N, 2) [m, m/s], claimed slots (T, N) and who flies (T, N)."""
+
+    def __init__(self, mission: Mission, world: int = 0) -> None:
+        """For one world of a core that flies ``mission``; `record` before the first tick and after each."""
+        agents = mission.agents
+        self._world = world
+        self._rows = 0
+        self._position = np.empty((_FIRST_ROWS, agents, 2))
+        self._velocity = np.empty((_FIRST_ROWS, agents, 2))
+        self._slot = np.empty((_FIRST_ROWS, agents), np.int16)
+        self._flying = np.empty((_FIRST_ROWS, agents), np.bool_)
+        self._obstacles = np.empty((0, 3))
+        self._goal_x = mission.goal_x_m
+
+    def record(self, core: WorldCore) -> None:
+        """Keep the state as it is now."""
+        if self._rows == 0:
+            self._obstacles = core.obstacles[self._world, : core.obstacle_count[self._world]].copy()
+            self._goal_x = float(core.goal_x[self._world])
+        if self._rows == len(self._position):
+            self._position, self._velocity = _double(self._position), _double(self._velocity)
+            self._slot, self._flying = _double(self._slot), _double(self._flying)
+        row, world = self._rows, self._world
+        self._position[row], self._velocity[row] = core.position[world], core.velocity[world]
+        self._slot[row], self._flying[row] = core.claim[world], core.flying[world]
+        self._rows += 1
+
+    def save(self, path: Path) -> None:
+        """Write all rows to an ``.npz`` file; the file is complete or it is not there."""
+        partial = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            with partial.open("wb") as file:
+                np.savez_compressed(
+                    file,
+                    positions=self._position[: self._rows],
+                    velocities=self._velocity[: self._rows],
+                    slots=self._slot[: self._rows],
+                    flying=self._flying[: self._rows],
+                    obstacles=self._obstacles,
+                    goal_x=self._goal_x,
+                    tick_s=TICK_S,
+                )
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def _double(rows: NDArray[_Kind]) -> NDArray[_Kind]:
+    return np.concatenate([rows, np.empty_like(rows)])
