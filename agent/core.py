@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from agent import tick as cycle
 from agent.memory import empty_memory, forget
-from agent.policy import Policy, PolicyError, Seen, find_policy
+from agent.policy import Policy, Seen, find_policy
+from agent.policy.asking import ask, call
 from agent.rules import rules_of, shape_of
 from agent.slot_endpoints import SlotEndpoints
 from agent.tick_arrays import empty_views, empty_work, make_tick_arrays
@@ -27,13 +28,6 @@ from protocols.mission.document import Mission
 from protocols.wire.frames import Frames
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
-
-_FLOAT64 = np.dtype(np.float64)
-
-
-def _kind_of(value: object) -> str:
-    """What a policy returned, for the error that tells what it should have been."""
-    return f"{value.shape} {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
 
 
 class AgentCore:
@@ -85,7 +79,7 @@ class AgentCore:
         forget(self.memory, row, tick)
         self.endpoints.restart(row, boot)
         if hasattr(self.policy, "forget"):
-            self.policy.forget(row)
+            call(self.policy.forget, self.mission.policy, row)
 
     def open(self) -> None:
         """Open what the policy needs, if it has not been done; else the first `step` does it.
@@ -94,7 +88,7 @@ class AgentCore:
             agent.policy.PolicyError: it cannot be opened.
         """
         if not self._opened and hasattr(self.policy, "open"):
-            self.policy.open()
+            call(self.policy.open, self.mission.policy)
         self._opened = True
 
     def load_rare_kernels(self) -> None:
@@ -105,6 +99,9 @@ class AgentCore:
         """Decide one tick for the awake rows; return the commands (A, 2), accelerations in m/s^2.
 
         What row r broadcasts goes into row first + r of ``frames`` and ``notes``. A note is read only where ``frames.loud``.
+
+        Raises:
+            agent.policy.PolicyError: the policy raised or wants no accelerations; one line says where.
         """
         work, arrays = self.work, self.arrays
         self.open()
@@ -122,15 +119,7 @@ class AgentCore:
             self.memory,
             arrays,
         )
-        command = self.policy.act(seen)
-        if (
-            not isinstance(command, np.ndarray)
-            or command.dtype != _FLOAT64
-            or command.shape != work.slot_error.shape
-        ):
-            raise PolicyError(
-                f"policy: act must return {work.slot_error.shape} float64, not {_kind_of(command)}"
-            )
+        command = ask(self.policy, self.mission.policy, seen)
         cycle.after_policy(tick, first, arrays, command)
         self.endpoints.write_notes(tick, work.sent, self.frames, self.notes, first)
         return command
