@@ -12,7 +12,7 @@ import pytest
 from protocols.mission.document import Mission, MissionError
 from rsc_swarm.cli.options import MissionOptions, resolve
 from rsc_swarm.study.evaluate import seeds_of
-from rsc_swarm.study.tables import command, flying, foresight, rows
+from rsc_swarm.study.tables import command, flying, plan_error, rows
 from rsc_swarm.study.tables.markdown import cells, drawn, legend, markdown, page
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import TableError, as_csv, path_of, read_table, read_tables
@@ -207,7 +207,7 @@ MODEL = Mission(policy="rsc-h20")
 def measured(tmp_path, monkeypatch):
     """Put something in the place of what measures models."""
     (tmp_path / "rsc-h20.onnx").touch()
-    monkeypatch.setattr(foresight, "SHIPPED", tmp_path)
+    monkeypatch.setattr(plan_error, "SHIPPED", tmp_path)
 
     def put(mae: object) -> Path:
         module = ModuleType("rsc_swarm.study.accuracy")
