@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory
+from agent.tick_arrays import Shape, Views, Work
 from protocols.kernels import inlined_kernel
 from protocols.mission.formation import NO_PARENT
 from protocols.relative import UNKNOWN
@@ -28,32 +29,24 @@ WIDE_REACH_M = 10.0
 
 @inlined_kernel
 def aim_row(
-    row: int,
-    me: int,
-    chain: bool,
-    sensed: Sensed,
-    memory: Memory,
-    offsets: NDArray[np.float64],
-    parent: NDArray[np.int16],
-    slot_of: NDArray[np.int64],
-    occupant: NDArray[np.int64],
-    chain_error: NDArray[np.float64],
-    slot_error: NDArray[np.float64],
+    row: int, chain: bool, shape: Shape, views: Views, work: Work, sensed: Sensed, memory: Memory
 ) -> None:
-    """One row's targets minus its position [m], written to chain_error and slot_error (A, 2).
+    """One row's targets minus its position [m], written to ``work.chain_error`` and ``work.slot_error``.
 
     slot:  virtual target + the slot's offset.
     chain: p_{i -> tar(i)} = p_{i -> leader} + (slot offset - leader's slot offset) (paper, Sec. II-B1), over at most three
            hops; the root's target is the virtual target. A leader out of reach falls back to the slot target. Without
            ``chain`` both errors are the slot's.
     """
-    motion, slot = sensed.motion[row], slot_of[row, me]
-    slot_error[row, 0] = motion[4] + offsets[slot, 0] - motion[0]
-    slot_error[row, 1] = motion[5] + offsets[slot, 1] - motion[1]
+    motion, target, offsets = sensed.motion[row], work.target_position[row], shape.offsets
+    chain_error, slot_error = work.chain_error, work.slot_error
+    slot = views.slot_of[row, work.me[row]]
+    slot_error[row, 0] = target[0] + offsets[slot, 0] - motion[0]
+    slot_error[row, 1] = target[1] + offsets[slot, 1] - motion[1]
     chain_error[row, 0], chain_error[row, 1] = slot_error[row, 0], slot_error[row, 1]
-    above = parent[slot]
+    above = shape.parent[slot]
     if chain and above != NO_PARENT:
-        leader = occupant[row, above]
+        leader = views.occupant[row, above]
         if memory.hops[row, leader] != UNKNOWN:
             chain_error[row, 0] = memory.rel[row, leader, 0] + offsets[slot, 0] - offsets[above, 0]
             chain_error[row, 1] = memory.rel[row, leader, 1] + offsets[slot, 1] - offsets[above, 1]
@@ -114,19 +107,12 @@ def compressed(x: float, y: float) -> tuple[float, float]:
 
 
 @inlined_kernel
-def observe_row(
-    row: int,
-    reach: float,
-    sensed: Sensed,
-    memory: Memory,
-    slot_error: NDArray[np.float64],
-    x: NDArray[Any],
-) -> None:
+def observe_row(row: int, reach: float, work: Work, sensed: Sensed, memory: Memory, x: NDArray[Any]) -> None:
     """Fill ``x`` (18,) of any float type; ``reach`` is the sensing range [m]."""
-    motion = sensed.motion[row]
+    motion, target_velocity = sensed.motion[row], work.target_velocity[row]
     x[:] = 0.0
-    x[0], x[1] = compressed(slot_error[row, 0], slot_error[row, 1])
-    x[2], x[3] = 0.5 * (motion[2] - motion[6]), 0.5 * (motion[3] - motion[7])
+    x[0], x[1] = compressed(work.slot_error[row, 0], work.slot_error[row, 1])
+    x[2], x[3] = 0.5 * (motion[2] - target_velocity[0]), 0.5 * (motion[3] - target_velocity[1])
     _obstacles(row, 2, reach, memory, x, 4)
     _neighbours(row, 2, reach, memory, x, 10)
 

@@ -27,6 +27,7 @@ def rules_of(mission: Mission) -> Rules:
         range_m=mission.radio.range_m,
         reach_m=mission.sensing.range_m,
         margin_m=mission.swap.margin_m,
+        target_mps=mission.target.speed_mps,
         limits=limits_for(mission.limits.acceleration_mps2),
     )
 

@@ -11,6 +11,7 @@ from agent.control.safety import safety_filter
 from agent.memory import Memory
 from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
+from agent.target import place_target
 from agent.tick_arrays import Rules, Shape, TickArrays, Views, Work
 from protocols.dynamics import ABSURD_MPS2
 from protocols.kernels import borrowed, inlined_kernel, kernel
@@ -22,11 +23,8 @@ from protocols.wire.sensed import Sensed
 def _aim_and_observe(
     row: int, rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, memory: Memory
 ) -> None:
-    aim_row(
-        row, work.me[row], rules.chain, sensed, memory, shape.offsets, shape.parent, views.slot_of, views.occupant,
-        work.chain_error, work.slot_error,
-    )  # fmt: skip
-    observe_row(row, rules.reach_m, sensed, memory, work.slot_error, work.observation[row])
+    aim_row(row, rules.chain, shape, views, work, sensed, memory)
+    observe_row(row, rules.reach_m, work, sensed, memory, work.observation[row])
 
 
 @inlined_kernel
@@ -64,6 +62,7 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
         work.news[row] = False
         if not work.awake[row]:
             continue
+        place_target(tick, row, rules.target_mps, work)
         perceive_row(tick, row, rules, work, sensed, frames, memory)
         _aim_and_observe(row, rules, shape, views, work, sensed, memory)
         if rules.swap_rule != trigger.OFF:
@@ -104,7 +103,7 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
         if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
             ax, ay = 0.0, 0.0
         if rules.detour:
-            ax, ay = leave_pocket(ax, ay, row, work.slot_error[row], sensed.motion[row], memory)
+            ax, ay = leave_pocket(ax, ay, row, work, sensed, memory)
         if rules.filtered:
             ax, ay = safety_filter(
                 ax, ay, sensed.motion[row, 2], sensed.motion[row, 3], memory.near_count[row], memory.near_rel[row],

@@ -36,6 +36,7 @@ class Rules(NamedTuple):
     range_m: float
     reach_m: float
     margin_m: float
+    target_mps: float
     limits: SafetyLimits
 
 
@@ -61,14 +62,17 @@ class Views(NamedTuple):
 class Work(NamedTuple):
     """One tick's inputs and results. Row r hears frames ``inbox[inbox_start[r]:inbox_start[r + 1]]``.
 
-    me, awake: (A,). chain_error, slot_error: (A, 2) [m]. observation: (A, 18). partner, vacated: (A,) whom to swap with, whose
-    place to take, or NOBODY. news: (A,) whether the slot protocol has something to attend to. sent: (A,) a frame was composed.
+    me, awake: (A,). target_position, target_velocity: (A, 2) the virtual target now (agent.target) [m], [m/s]. chain_error,
+    slot_error: (A, 2) [m]. observation: (A, 18). partner, vacated: (A,) whom to swap with, whose place to take, or NOBODY.
+    news: (A,) whether the slot protocol has something to attend to. sent: (A,) a frame was composed.
     """
 
     me: NDArray[np.int64]
     awake: NDArray[np.bool_]
     inbox_start: NDArray[np.int64]
     inbox: NDArray[np.int64]
+    target_position: NDArray[np.float64]
+    target_velocity: NDArray[np.float64]
     chain_error: NDArray[np.float64]
     slot_error: NDArray[np.float64]
     observation: NDArray[np.float64]
@@ -144,6 +148,8 @@ def empty_work(me: NDArray[np.int64], inbox_size: int) -> Work:
         awake=np.ones(rows, np.bool_),
         inbox_start=np.zeros(rows + 1, np.int64),
         inbox=np.zeros(inbox_size, np.int64),
+        target_position=np.zeros((rows, 2)),
+        target_velocity=np.zeros((rows, 2)),
         chain_error=np.zeros((rows, 2)),
         slot_error=np.zeros((rows, 2)),
         observation=np.zeros((rows, OBSERVATION_SIZE)),

@@ -7,7 +7,7 @@ p'  = p + dt/2 (v + v')
 
 import math
 
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel, kernel
 
 TICK_S = 0.01  #: one tick of every clock, for everyone
 ABSURD_MPS2 = 1e6  # a component of a command beyond this is an error, not a wish: nobody follows it
@@ -20,6 +20,12 @@ def clip_ball(x: float, y: float, radius: float) -> tuple[float, float]:
     if length <= radius:
         return x, y
     return x * radius / length, y * radius / length
+
+
+@inlined_kernel
+def target_x(tick: int, target_mps: float) -> float:
+    """Where the virtual target is at ``tick``: x [m] in the common frame; it starts at the origin and flies along x."""
+    return target_mps * TICK_S * tick
 
 
 @kernel

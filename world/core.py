@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, target_x
 from protocols.kernels import kernel
 from protocols.mission.document import Fault, Mission
 from protocols.wire.sensed import MAX_OBSTACLES, Sensed, empty_sensed
@@ -89,13 +89,13 @@ def _take_answers(
 
 @kernel
 def _next_tick(
-    active: NDArray[np.bool_], tick: NDArray[np.int64], target: NDArray[np.float64], target_speed: float
+    active: NDArray[np.bool_], tick: NDArray[np.int64], target: NDArray[np.float64], target_mps: float
 ) -> None:
     """Move the clock and the virtual target on, in every active world."""
     for world in range(active.shape[0]):
         if active[world]:
             tick[world] += 1
-            target[world] = target_speed * TICK_S * tick[world]
+            target[world] = target_x(tick[world], target_mps)
 
 
 class WorldCore:
@@ -228,8 +228,8 @@ class WorldCore:
         """What every flying drone of an active world senses now; the same arrays each tick."""
         mission = self.missions[0]
         physics.sense(
-            self.active, self.flying, self.position, self.velocity, self.target, mission.target.speed_mps,
-            self.obstacle_count, self.obstacles, mission.sensing.range_m, mission.sensing.neighbours == "sensed", self.sensed,
+            self.active, self.flying, self.position, self.velocity, self.obstacle_count, self.obstacles,
+            mission.sensing.range_m, mission.sensing.neighbours == "sensed", self.sensed,
         )  # fmt: skip
         return self.sensed
 

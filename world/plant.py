@@ -66,15 +66,13 @@ def sense_world(
     flying: NDArray[np.bool_],
     position: NDArray[np.float64],
     velocity: NDArray[np.float64],
-    target_x: float,
-    target_speed: float,
     obstacle_count: NDArray[np.int64],
     obstacles: NDArray[np.float64],
     reach: float,
     neighbours_sensed: bool,
     sensed: Sensed,
 ) -> None:
-    """What every flying drone of one world senses, arguments as `sense`; ``target_x``: the virtual target [m]."""
+    """What every flying drone of one world senses, arguments as `sense`."""
     agents = flying.shape[1]
     first, limit = world * agents, sensed.near.shape[1]
     for row in range(first, first + agents):
@@ -87,7 +85,6 @@ def sense_world(
         vx, vy = velocity[world, agent, 0], velocity[world, agent, 1]
         motion = sensed.motion[row]
         motion[0], motion[1], motion[2], motion[3] = px, py, vx, vy
-        motion[4], motion[5], motion[6], motion[7] = target_x, 0.0, target_speed, 0.0
         for other in range(agent + 1 if neighbours_sensed else agents, agents):  # each pair once, for both
             dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
             if dx * dx + dy * dy <= reach * reach and flying[world, other]:
@@ -118,22 +115,19 @@ def sense(
     flying: NDArray[np.bool_],
     position: NDArray[np.float64],
     velocity: NDArray[np.float64],
-    target: NDArray[np.float64],
-    target_speed: float,
     obstacle_count: NDArray[np.int64],
     obstacles: NDArray[np.float64],
     reach: float,
     neighbours_sensed: bool,
     sensed: Sensed,
 ) -> None:
-    """Fill row world * N + agent of ``sensed``: own motion, the target, neighbours and obstacles within ``reach`` metres.
+    """Fill row world * N + agent of ``sensed``: own motion, neighbours and obstacles within ``reach`` metres.
 
     Args:
-        target: (E,) x of the virtual target [m]. obstacles: (E, MAX_OBSTACLES, 3) centre and radius [m].
+        obstacles: (E, MAX_OBSTACLES, 3) centre and radius [m].
     """
     for world in range(flying.shape[0]):
         if active[world]:
             sense_world(
-                world, flying, position, velocity, target[world], target_speed, obstacle_count, obstacles, reach,
-                neighbours_sensed, sensed,
-            )  # fmt: skip
+                world, flying, position, velocity, obstacle_count, obstacles, reach, neighbours_sensed, sensed
+            )

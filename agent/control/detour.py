@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from agent.control.agents import agent_terms
 from agent.control.gains import GAINS, LIMITS
 from agent.memory import Memory
+from agent.tick_arrays import Work
 from protocols.kernels import inlined_kernel, kernel
+from protocols.wire.sensed import Sensed
 
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
@@ -120,12 +122,10 @@ def next_corner(
 
 @inlined_kernel
 def leave_pocket(
-    a_x: float, a_y: float, row: int, error: NDArray[np.float64], motion: NDArray[np.float64], memory: Memory
+    a_x: float, a_y: float, row: int, work: Work, sensed: Sensed, memory: Memory
 ) -> tuple[float, float]:
-    """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``.
-
-    ``error`` (2,): slot target minus own position [m]; ``motion`` (8,): as protocols.wire.sensed has it.
-    """
+    """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``."""
+    error, motion, target_velocity = work.slot_error[row], sensed.motion[row], work.target_velocity[row]
     v_x, v_y = motion[2], motion[3]
     far = math.sqrt(error[0] * error[0] + error[1] * error[1])
     on_detour = memory.stalled[row] - STALLED_TICKS
@@ -148,7 +148,10 @@ def leave_pocket(
     speed = _AROUND_MPS
     if way[2] == 0.0:
         x, y = error[0], error[1]  # the slot moves
-        speed = max(_HOME_MPS, math.sqrt(motion[6] * motion[6] + motion[7] * motion[7]) + _CATCH_UP_MPS)
+        target_mps = math.sqrt(
+            target_velocity[0] * target_velocity[0] + target_velocity[1] * target_velocity[1]
+        )
+        speed = max(_HOME_MPS, target_mps + _CATCH_UP_MPS)
     length = max(math.sqrt(x * x + y * y), 1e-9)
     u_x, u_y = x / length, y / length
     apart_x, apart_y = agent_terms(

@@ -20,7 +20,7 @@ def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
                 work.chain_error[row],
                 work.slot_error[row],
                 motion[row, 2:4],
-                motion[row, 6:8],
+                work.target_velocity[row],
                 memory.near_count[row],
                 memory.near_rel[row],
                 memory.near_vel[row],

@@ -17,7 +17,7 @@ class Seen(NamedTuple):
     """What a policy may look at: one row per hosted drone (a process on a drone hosts one, a simulation many).
 
     tick: 10 ms each. me: (A,) agent numbers. awake: (A,) rows to act for; the others' answers are ignored.
-    motion: (A, 8) own p, own v, virtual target p, virtual target v; common local frame, m and m/s.
+    position, velocity, target_position, target_velocity: (A, 2) own and the virtual target's; common local frame, m and m/s.
     chain_error, slot_error: (A, 2) target minus position [m] (agent.observation.aim).
     observation: (A, 18) the paper's X_i. memory: neighbours, obstacles and what neighbours' frames said. arrays: all of these as
     one object for compiled policies (agent.tick_arrays).
@@ -26,22 +26,15 @@ class Seen(NamedTuple):
     tick: int
     me: NDArray[np.int64]
     awake: NDArray[np.bool_]
-    motion: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    target_position: NDArray[np.float64]
+    target_velocity: NDArray[np.float64]
     chain_error: NDArray[np.float64]
     slot_error: NDArray[np.float64]
     observation: NDArray[np.float64]
     memory: Memory
     arrays: TickArrays
-
-    @property
-    def velocity(self) -> NDArray[np.float64]:
-        """(A, 2) own velocity [m/s]."""
-        return self.motion[:, 2:4]
-
-    @property
-    def target_velocity(self) -> NDArray[np.float64]:
-        """(A, 2) velocity of the virtual target [m/s]."""
-        return self.motion[:, 6:8]
 
 
 class Policy(Protocol):

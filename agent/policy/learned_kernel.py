@@ -185,7 +185,7 @@ def _fly(tick: int, arrays: TickArrays, planner: Planner) -> None:
         if work.awake[row]:
             wanted[row, 0], wanted[row, 1] = follow_row(
                 tick - flown.made_at[row], flown.start[row], flown.displacement[row], flown.acceleration[row],
-                motion[row, 0:2], motion[row, 2:4], work.slot_error[row], motion[row, 6:8], memory.near_count[row],
+                motion[row, 0:2], motion[row, 2:4], work.slot_error[row], work.target_velocity[row], memory.near_count[row],
                 memory.near_rel[row], memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row],
                 memory.obstacle_radius[row], memory.disc_side[row], following,
             )  # fmt: skip

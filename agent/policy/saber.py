@@ -22,8 +22,10 @@ def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> No
     for row in range(work.me.shape[0]):
         if not work.awake[row]:
             continue
-        v_x, v_y, vt_x, vt_y = motion[row, 2], motion[row, 3], motion[row, 6], motion[row, 7]
-        leader_x, leader_y = motion[row, 4] - motion[row, 0], motion[row, 5] - motion[row, 1]
+        v_x, v_y = motion[row, 2], motion[row, 3]
+        vt_x, vt_y = work.target_velocity[row, 0], work.target_velocity[row, 1]
+        leader_x = work.target_position[row, 0] - motion[row, 0]
+        leader_y = work.target_position[row, 1] - motion[row, 1]
         flock_x, flock_y = flocking(
             memory.near_count[row], memory.near_rel[row], memory.near_vel[row], memory.disc_count[row],
             memory.obstacle_rel[row], memory.obstacle_radius[row], v_x, v_y, leader_x, leader_y, vt_x, vt_y, gains,

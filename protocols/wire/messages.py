@@ -14,7 +14,7 @@ from typing import Any
 
 import msgpack
 
-VERSION = 1
+VERSION = 2
 HELLO, READY, REPLY, WELCOME, TICK, WAIT, BYE = range(7)
 SILENCE_LIMIT_S = 1.5  # a drone's process leaves when the world has said nothing for this long
 WAIT_EVERY_S = 0.2  # so the world says at least WAIT this often

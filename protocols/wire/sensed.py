@@ -13,7 +13,7 @@ from protocols.wire.rows import bytes_of
 
 MAX_NEAR = 48  # neighbours sensed at once
 MAX_OBSTACLES = 16
-_MOTION_BYTES, _NEAR_BYTES, _OBSTACLE_BYTES = 8 * 8, 5 * 8, 3 * 8
+_MOTION_BYTES, _NEAR_BYTES, _OBSTACLE_BYTES = 4 * 8, 5 * 8, 3 * 8
 
 Packed = tuple[bytes, bytes, bytes]
 
@@ -21,7 +21,7 @@ Packed = tuple[bytes, bytes, bytes]
 class Sensed(NamedTuple):
     """One row per drone.
 
-    motion: (A, 8) own p, own v, virtual target p, virtual target v.
+    motion: (A, 4) own p, own v.
     near_count: (A,) rows used of near.
     near: (A, MAX_NEAR, 5) agent number, relative position (2), relative velocity (2), by rising agent number.
     obstacle_count: (A,) rows used of obstacles.
@@ -38,7 +38,7 @@ class Sensed(NamedTuple):
 def empty_sensed(rows: int) -> Sensed:
     """Room for ``rows`` drones, nothing sensed."""
     return Sensed(
-        np.zeros((rows, 8)),
+        np.zeros((rows, 4)),
         np.zeros(rows, np.int64),
         np.zeros((rows, MAX_NEAR, 5)),
         np.zeros(rows, np.int64),

@@ -98,7 +98,6 @@ class Batch:
             acceleration=np.zeros((*both, 1, 2), np.float32),
         )
         self._field = kernels.Field(
-            target_mps=mission.target.speed_mps,
             a_max=mission.limits.acceleration_mps2,
             v_max=mission.limits.speed_mps,
             spacing_m=mission.plan.spacing,

@@ -21,8 +21,9 @@ from agent.memory import Memory
 from agent.observation import aim_row, compressed, observe_row, observe_wide_row
 from agent.perceive import find_neighbours, recall_obstacles
 from agent.policy.analytic_kernel import analytic
+from agent.target import place_target
 from agent.tick_arrays import Rules, Shape, TickArrays, Views, Work
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, target_x
 from protocols.kernels import borrowed, inlined_kernel, kernel
 from protocols.slots import trigger
 from protocols.wire.sensed import Sensed
@@ -74,7 +75,6 @@ class Stage(NamedTuple):
 class Field(NamedTuple):
     """The numbers of a mission that the loop needs."""
 
-    target_mps: float
     a_max: float
     v_max: float
     spacing_m: float
@@ -102,18 +102,15 @@ def _look(
     """Sense and perceive, for every drone of a world, where it is now."""
     agents = stage.flying.shape[1]
     sense_world(
-        world, stage.flying, stage.position, stage.velocity, field.target_mps * TICK_S * stage.ticks[world], field.target_mps,
-        stage.obstacle_count, stage.obstacles, rules.reach_m, True, sensed,
+        world, stage.flying, stage.position, stage.velocity, stage.obstacle_count, stage.obstacles, rules.reach_m, True, sensed
     )  # fmt: skip
     for agent in range(agents):
         row = world * agents + agent
         find_neighbours(memory, row, agent, 0, sensed, True, 0, rules.range_m)
         if recall:
             recall_obstacles(memory, row, sensed, rules.remember_obstacles)
-        aim_row(
-            row, agent, False, sensed, memory, shape.offsets, shape.parent, views.slot_of, views.occupant, work.chain_error,
-            work.slot_error,
-        )  # fmt: skip
+        place_target(stage.ticks[world], row, rules.target_mps, work)
+        aim_row(row, False, shape, views, work, sensed, memory)
 
 
 @inlined_kernel
@@ -125,14 +122,7 @@ def _observe(
     agents = stage.flying.shape[1]
     for agent in range(agents):
         row = world * agents + agent
-        observe_row(
-            row,
-            rules.reach_m,
-            sensed,
-            memory,
-            work.slot_error,
-            stage.observation[place, world, agent],
-        )
+        observe_row(row, rules.reach_m, work, sensed, memory, stage.observation[place, world, agent])
         near = stage.near[place, world, agent]
         near[:] = -1
         for index in range(min(memory.near_count[row], near.shape[0])):
@@ -162,8 +152,8 @@ def _expert(
         scratch.rel[index, 0], scratch.rel[index, 1] = disc[0] - motion[0], disc[1] - motion[1]
         scratch.radius[index], scratch.side[index] = disc[2], 0
     ax, ay = analytic(
-        work.slot_error[row], work.slot_error[row], motion[2:4], motion[6:8], memory.near_count[row], memory.near_rel[row],
-        memory.near_vel[row], count, scratch.rel, scratch.radius, scratch.side, GAINS,
+        work.slot_error[row], work.slot_error[row], motion[2:4], work.target_velocity[row], memory.near_count[row],
+        memory.near_rel[row], memory.near_vel[row], count, scratch.rel, scratch.radius, scratch.side, GAINS,
     )  # fmt: skip
     return safety_filter(
         ax, ay, motion[2], motion[3], memory.near_count[row], memory.near_rel[row], memory.near_vel[row], count, scratch.rel,
@@ -190,17 +180,17 @@ def _decentralized(
     obstacle_rel, radius, side = memory.obstacle_rel[row], memory.obstacle_radius[row], memory.disc_side[row]
     if stage.pilot[world] == ANALYTIC:
         ax, ay = analytic(
-            work.slot_error[row], work.slot_error[row], motion[2:4], motion[6:8], memory.near_count[row], near_rel, near_vel,
-            memory.disc_count[row], obstacle_rel, radius, side, GAINS,
+            work.slot_error[row], work.slot_error[row], motion[2:4], work.target_velocity[row], memory.near_count[row],
+            near_rel, near_vel, memory.disc_count[row], obstacle_rel, radius, side, GAINS,
         )  # fmt: skip
     else:
         ax, ay = follow_row(
             age, stage.start[world, agent], stage.displacement[world, agent], stage.acceleration[world, agent], motion[0:2],
-            motion[2:4], work.slot_error[row], motion[6:8], memory.near_count[row], near_rel, near_vel, memory.disc_count[row],
-            obstacle_rel, radius, side, field.following,
+            motion[2:4], work.slot_error[row], work.target_velocity[row], memory.near_count[row], near_rel, near_vel,
+            memory.disc_count[row], obstacle_rel, radius, side, field.following,
         )  # fmt: skip
     if rules.detour:
-        ax, ay = leave_pocket(ax, ay, row, work.slot_error[row], motion, memory)
+        ax, ay = leave_pocket(ax, ay, row, work, sensed, memory)
     if rules.filtered:
         ax, ay = safety_filter(
             ax, ay, motion[2], motion[3], memory.near_count[row], near_rel, near_vel, memory.disc_count[row], obstacle_rel,
@@ -327,7 +317,7 @@ def fly(ticks: int, stage: Stage, field: Field, arrays: TickArrays, scratch: Scr
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
             referee.judge_world(
-                world, stage.flying, stage.position, stage.claim, field.target_mps * TICK_S * stage.ticks[world],
+                world, stage.flying, stage.position, stage.claim, target_x(stage.ticks[world], rules.target_mps),
                 stage.goal_x, stage.obstacle_count, stage.obstacles, shape.offsets, shape.parent, stage.is_leaf,
                 field.spacing_m, field.edge_tolerance, field.collision_m, scratch.holder, stage.nearest, stage.edge_error,
                 stage.verdict,

@@ -7,7 +7,9 @@ import pytest
 
 from agent.control.detour import STALLED_TICKS, leave_pocket, next_corner
 from agent.memory import Memory, empty_memory
+from agent.tick_arrays import empty_work
 from protocols.mission.document import parse_mission
+from protocols.wire.sensed import empty_sensed
 from rsc_swarm.flight.simulate import simulate
 
 CUP = [
@@ -17,7 +19,6 @@ CUP = [
     (3.0, -3.0, 1.5),
     (1.0, 3.6, 1.0),
 ]  # open to the left
-STILL = np.zeros(8)  # at (0, 0), not moving, nor is the target
 
 
 def way(goal: tuple[float, float], *discs: tuple[float, float, float]) -> tuple[int, float, float]:
@@ -37,10 +38,21 @@ def stopped(*discs: tuple[float, float, float]) -> Memory:
     return memory
 
 
+def led(
+    memory: Memory, slot: tuple[float, float], wanted: tuple[float, float] = (0.0, 0.0), target_mps: float = 0.0,
+    speed: tuple[float, float] = (0.0, 0.0),
+) -> tuple[float, float]:  # fmt: skip
+    """What becomes of the acceleration ``wanted`` by a drone at (0, 0) whose slot is at ``slot``."""
+    work, sensed = empty_work(np.array([0]), 0), empty_sensed(1)
+    work.slot_error[0], work.target_velocity[0, 0] = slot, target_mps
+    sensed.motion[0, 2:] = speed
+    return leave_pocket(*wanted, 0, work, sensed, memory)
+
+
 def out_of_the_cup() -> Memory:
     """What a drone at (0, 0) knows that was led out of the cup; nothing is in its way any more."""
     memory = stopped(*CUP)
-    leave_pocket(0.0, 0.0, 0, np.array([12.0, 0.0]), STILL, memory)
+    led(memory, (12.0, 0.0))
     memory.disc_count[0] = 0
     return memory
 
@@ -80,47 +92,46 @@ def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None
 
 def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
     wall = [(5.0, 1.65, 1.0), (5.0, -1.65, 1.0), (5.0, -3.5, 1.0), (5.0, -5.5, 1.0)]  # a gap of 1.3 m ahead
-    _, aside = leave_pocket(0.0, 0.0, 0, np.array([10.0, 0.0]), STILL, stopped(*wall))
+    _, aside = led(stopped(*wall), (10.0, 0.0))
     assert aside > 1.0, "around the end of the wall"
     angles = np.linspace(0.39, 2 * math.pi - 0.39, 12)
     ring = [
         (4.33 * math.cos(angle), 4.33 * math.sin(angle), 1.0) for angle in angles
     ]  # the same gap, and no other
-    ahead, _ = leave_pocket(0.0, 0.0, 0, np.array([10.0, 4.0]), STILL, stopped(*ring))
+    ahead, _ = led(stopped(*ring), (10.0, 4.0))
     assert ahead > 1.0, "through the gap"
 
 
 def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
     memory = stopped(*CUP)
     memory.stalled[0] = 0
-    error, quick = np.array([12.0, 0.0]), np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     for _ in range(STALLED_TICKS):
-        assert leave_pocket(1.0, 2.0, 0, error, STILL, memory) == (1.0, 2.0)
-    assert leave_pocket(1.0, 2.0, 0, error, STILL, memory) != (1.0, 2.0)
+        assert led(memory, (12.0, 0.0), (1.0, 2.0)) == (1.0, 2.0)
+    assert led(memory, (12.0, 0.0), (1.0, 2.0)) != (1.0, 2.0)
     memory.stalled[0] = 0
     for _ in range(3 * STALLED_TICKS):
-        assert leave_pocket(1.0, 2.0, 0, error, quick, memory) == (1.0, 2.0)
+        assert led(memory, (12.0, 0.0), (1.0, 2.0), speed=(3.0, 0.0)) == (1.0, 2.0)
 
 
 def test_who_is_stopped_by_nothing_keeps_its_own_plan() -> None:
     memory = stopped()
     for _ in range(3 * STALLED_TICKS):
-        assert leave_pocket(1.0, 2.0, 0, np.array([12.0, 0.0]), STILL, memory) == (1.0, 2.0)
+        assert led(memory, (12.0, 0.0), (1.0, 2.0)) == (1.0, 2.0)
 
 
 def test_a_detour_ends_where_the_slot_is_caught_up_with() -> None:
     memory = out_of_the_cup()
     for _ in range(20):
-        _, up = leave_pocket(0.0, 0.0, 0, np.array([0.0, 12.0]), STILL, memory)
+        _, up = led(memory, (0.0, 12.0))
     assert up > 10.0, "straight to the slot, wherever that is by now"
-    assert leave_pocket(1.0, 2.0, 0, np.array([0.0, 3.0]), STILL, memory) == (1.0, 2.0)
+    assert led(memory, (0.0, 3.0), (1.0, 2.0)) == (1.0, 2.0)
     assert memory.stalled[0] == 0
 
 
 def test_the_way_home_is_flown_faster_than_the_slot_moves() -> None:
-    memory, slot = out_of_the_cup(), np.array([0.0, 12.0])
+    memory = out_of_the_cup()
     for _ in range(20):
-        _, up = leave_pocket(0.0, 0.0, 0, slot, np.array([0, 0, 0, 9.0, 0, 0, 0, 9.0]), memory)
+        _, up = led(memory, (0.0, 12.0), target_mps=9.0, speed=(0.0, 9.0))
     assert up > 1.0
 
 

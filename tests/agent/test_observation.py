@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from agent.memory import empty_memory
 from agent.observation import aim_row, observe_row
+from agent.tick_arrays import Shape, empty_views, empty_work
 from protocols.mission.formation import build_formation, shape_points
 from protocols.relative import UNKNOWN
 from protocols.wire.sensed import empty_sensed
@@ -28,7 +29,9 @@ def observe(
 ) -> NDArray[np.float64]:
     """X of one drone. Obstacles: relative centre and radius. Neighbours: relative position and velocity."""
     sensed, memory = empty_sensed(1), empty_memory(1, 4)
-    sensed.motion[0] = [7.0, -3.0, *velocity, 11.0, 0.0, *target_velocity]
+    work = empty_work(np.array([0]), 0)
+    work.slot_error[0], work.target_velocity[0] = error, target_velocity
+    sensed.motion[0] = [7.0, -3.0, *velocity]
     for index, (x, y, radius) in enumerate(obstacles or []):
         memory.obstacle_rel[0, index], memory.obstacle_radius[0, index] = (x, y), radius
         memory.disc_count[0] = index + 1
@@ -36,7 +39,7 @@ def observe(
         memory.near_rel[0, index], memory.near_vel[0, index] = (x, y), (vx, vy)
         memory.near_count[0] = index + 1
     observation = np.full((1, 18), 99.0)
-    observe_row(0, REACH, sensed, memory, np.array([error]), observation[0])
+    observe_row(0, REACH, work, sensed, memory, observation[0])
     return observation[0]
 
 
@@ -121,6 +124,7 @@ def test_a_turned_world_is_observed_turned(
 
 
 PLAN = build_formation(shape_points("line", 4, 5.0), 5.0)  # root 1; 0 and 2 follow it, 3 follows 2
+SHAPE = Shape(PLAN.offsets, PLAN.parent, np.array([1, 0, 1, 2]))
 
 
 def aim(
@@ -128,19 +132,17 @@ def aim(
 ) -> tuple[list[float], list[float]]:
     """(chain error, slot error) of drone ``me`` at (1, 2); its leader is 1 m ahead and 4 m to the right."""
     sensed, memory = empty_sensed(1), empty_memory(1, 4)
-    sensed.motion[0] = [1.0, 2.0, 0.0, 0.0, 10.0, 0.0, 3.0, 0.0]
-    slot_of = np.array([slots])
-    occupant = np.argsort(slot_of, axis=1)
+    sensed.motion[0] = [1.0, 2.0, 0.0, 0.0]
+    work, views = empty_work(np.array([me]), 0), empty_views(1, len(slots))
+    work.target_position[0] = [10.0, 0.0]
+    views.slot_of[0], views.occupant[0] = slots, np.argsort(slots)
     memory.hops[0] = UNKNOWN
     above = PLAN.parent[slots[me]]
     if above >= 0:
-        memory.hops[0, occupant[0, above]] = hops_to_leader
-        memory.rel[0, occupant[0, above]] = [1.0, -4.0]
-    chain_error, slot_error = np.zeros((1, 2)), np.zeros((1, 2))
-    aim_row(
-        0, me, chain, sensed, memory, PLAN.offsets, PLAN.parent, slot_of, occupant, chain_error, slot_error
-    )
-    return chain_error[0].tolist(), slot_error[0].tolist()
+        memory.hops[0, views.occupant[0, above]] = hops_to_leader
+        memory.rel[0, views.occupant[0, above]] = [1.0, -4.0]
+    aim_row(0, chain, SHAPE, views, work, sensed, memory)
+    return work.chain_error[0].tolist(), work.slot_error[0].tolist()
 
 
 def test_the_slot_target_is_the_virtual_target_plus_the_slots_offset() -> None:

@@ -25,7 +25,7 @@ ME, TAG = 2, swarm_tag("rsc")
 
 def sensed() -> Any:
     rows = empty_sensed(1)
-    rows.motion[0] = [1, 2, 3, 0.5, 0, 0, 3, 0]
+    rows.motion[0] = [1, 2, 3, 0.5]
     rows.near_count[0], rows.near[0, 0] = 1, [0, 3, 1, 0, 0]
     return SensedPacker(rows).pack(0)
 

@@ -53,7 +53,7 @@ def test_a_world_tells_its_drones_that_it_lives_before_they_give_up() -> None:
 
 def test_what_is_sensed_survives_the_wire() -> None:
     sent, heard = empty_sensed(3), empty_sensed(1)
-    sent.motion[2] = range(8)
+    sent.motion[2] = range(4)
     sent.near_count[2], sent.obstacle_count[2] = 2, 1
     sent.near[2, :2] = [[4, 1, 2, 3, 4], [9, -1, -2, -3, -4]]
     sent.obstacles[2, 0] = [3, 4, 1.5]
@@ -67,7 +67,7 @@ def test_what_is_sensed_survives_the_wire() -> None:
 def test_more_neighbours_than_a_drone_senses_are_refused() -> None:
     crowd = bytes(8 * 5 * (MAX_NEAR + 1))
     with pytest.raises(ValueError, match="not what a drone senses"):
-        SensedReader(empty_sensed(1)).read((bytes(64), crowd, b""))
+        SensedReader(empty_sensed(1)).read((bytes(32), crowd, b""))
 
 
 def as_sent(status: AgentStatus) -> Any:

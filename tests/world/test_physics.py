@@ -76,12 +76,11 @@ def seen_by(core: WorldCore, agent: int) -> list[int]:
     return [int(row[0]) for row in sensed.near[agent, : sensed.near_count[agent]]]
 
 
-def test_a_drone_senses_itself_the_target_and_its_neighbours_relative_to_itself() -> None:
+def test_a_drone_senses_itself_and_its_neighbours_relative_to_itself() -> None:
     core = world([[1, 2], [4, 6], [50, 50]])
     core.velocity[0, :2] = [[1.0, 0.0], [0.0, 2.0]]
-    core.target[0] = 7.5
     sensed = core.sense()
-    assert sensed.motion[0].tolist() == [1, 2, 1, 0, 7.5, 0, 3, 0]
+    assert sensed.motion[0].tolist() == [1, 2, 1, 0]
     assert sensed.near[0, : sensed.near_count[0]].tolist() == [[1, 3, 4, -1, 2]]
 
 
