@@ -180,7 +180,8 @@ def test_a_drone_of_another_version_is_refused_by_name_before_the_flight() -> No
     swarm = Loopback(mission())
     swarm.say(4, messages.pack(messages.HELLO, messages.VERSION + 1))
     swarm._said.rotate(1)
-    with pytest.raises(ServerError, match=r"^agent 4 speaks version 2 of the messages, the world 1$"):
+    told = f"^agent 4 speaks version {messages.VERSION + 1} of the messages, the world {messages.VERSION}$"
+    with pytest.raises(ServerError, match=told):
         WorldServer(mission(), swarm, "lockstep", swarm).run()
 
 
