@@ -17,6 +17,7 @@ from pathlib import Path
 
 import psutil
 
+from agent.policy import PolicyError
 from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
 from protocols.mission.document import Mission, parse_mission
@@ -32,6 +33,7 @@ from world.server.session import Clock, Flown, NoControl, ServerError, WorldServ
 
 _GRACE_S = 2.0
 _WORLD = "world"
+_POLICY_WENT_WRONG = 2  # a drone's exit code; the last line of its log says what happened
 
 
 class RunBroken(RuntimeError):
@@ -98,8 +100,12 @@ def _agent(agent: int, endpoint: str, login: Login) -> None:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     gc.set_threshold(100_000)  # a tick leaves no cycles behind
     leave = leave_on_sigterm()
-    with AgentLink(endpoint, login) as link:
-        print(f"agent {agent}: {fly(link, agent, lambda: leave.asked)}", flush=True)
+    try:
+        with AgentLink(endpoint, login) as link:
+            print(f"agent {agent}: {fly(link, agent, lambda: leave.asked)}", flush=True)
+    except PolicyError as error:
+        print(error, flush=True)
+        raise SystemExit(_POLICY_WENT_WRONG) from None
 
 
 def _name(agent: int) -> str:
@@ -128,13 +134,16 @@ class _Launch:
             self._start_agent(agent)
 
     def _start(self, name: str, target: Callable[..., object], *args: object) -> None:
-        log = self._logs / f"{name}.log" if self._logs else self._folder.path / f"{name}.log"
+        log = self._log(name)
         if name == _WORLD:  # it may finish its record, and then removes the run's folder
             self._supervisor.start(
                 name, target, *args, log=log, at_launcher_death=signal.SIGTERM, run_folder=self._folder.path
             )
         else:
             self._supervisor.start(name, target, *args, log=log)
+
+    def _log(self, name: str) -> Path:
+        return (self._logs or self._folder.path) / f"{name}.log"
 
     def _start_agent(self, agent: int) -> None:
         self._start(_name(agent), _agent, agent, self._folder.endpoint, self._credentials.login(agent))
@@ -144,6 +153,7 @@ class _Launch:
 
         Raises:
             RunBroken: the world said so, or ended without a word.
+            agent.policy.PolicyError: a drone's policy raised.
         """
         pss: float | None = None
         while True:
@@ -173,6 +183,8 @@ class _Launch:
             if end.name == _WORLD or end.name in self._expected:
                 self._expected.discard(end.name)
                 continue
+            if end.code == _POLICY_WENT_WRONG:
+                raise PolicyError(self._log(end.name).read_text(errors="replace").splitlines()[-1])
             try:
                 self._pipe.send(int(end.name.removeprefix("agent-")))
             except OSError:
@@ -287,6 +299,7 @@ def fly_agent(
 
     Raises:
         RunBroken: no world there, or the login is refused or unreadable.
+        agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
     leave = leave_on_sigterm()
     try:
@@ -295,6 +308,8 @@ def fly_agent(
         with AgentLink(endpoint, login) as link:
             on_ready(time.time() - psutil.Process().create_time())
             return fly(link, agent, lambda: leave.asked)
+    except PolicyError:
+        raise
     except OSError as error:
         raise RunBroken(f"{login_file}: cannot be read ({error.strerror})") from None
     except (LinkError, ValueError) as error:

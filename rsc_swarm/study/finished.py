@@ -6,7 +6,6 @@ flight. Another mission, or edited code, therefore has a journal of its own, and
 
 import fcntl
 import hashlib
-import inspect
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -18,7 +17,7 @@ from typing import Self
 import numba
 import numpy as np
 
-from agent.policy import find_policy
+from agent.policy import files_of, find_policy
 from protocols.mission.document import Mission
 from rsc_swarm.batch.expert import EXPERT
 from rsc_swarm.batch.expert import FILES as EXPERT_FILES
@@ -57,11 +56,7 @@ def _deciding_files(mission: Mission) -> Iterator[Path]:
     if mission.policy == EXPERT:
         yield from EXPERT_FILES
         return
-    policy = find_policy(mission.policy, mission)
-    source = inspect.getsourcefile(type(policy))
-    if source and not Path(source).is_relative_to(_ROOT):
-        yield Path(source)
-    yield from getattr(policy, "files", ())
+    yield from files_of(find_policy(mission.policy, mission))
 
 
 class FinishedFlights:

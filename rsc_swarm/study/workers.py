@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from agent.policy import PolicyError
 from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
@@ -99,7 +100,7 @@ def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flig
 
     Raises:
         WorkerError: a worker died or broke. protocols.mission.document.MissionError: the expert cannot fly this.
-        world.field.FieldError: one of the maps leaves no room to start.
+        world.field.FieldError: one of the maps leaves no room to start. agent.policy.PolicyError: the policy raised.
     """
     size = max(1, min(_ROWS // mission.agents, -(-len(seeds) // workers)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
@@ -147,7 +148,7 @@ class _Worker:
             raise WorkerError(
                 f"worker {self.number} died (exit code {self._process.exitcode}); run it again to go on"
             ) from None
-        if isinstance(said, FieldError):
+        if isinstance(said, Exception):
             raise said
         if isinstance(said, str):
             raise WorkerError(f"worker {self.number} broke: {said}")
@@ -174,7 +175,7 @@ def _work(pipe: Connection, mission: Mission) -> None:
                     pipe.send(said)
                     if os.getppid() != parent:
                         return
-            except FieldError as error:
+            except (FieldError, PolicyError) as error:
                 pipe.send(error)
                 return
             except Exception as error:
