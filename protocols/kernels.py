@@ -12,6 +12,7 @@ import ctypes
 import hashlib
 import mmap
 import os
+import pickle
 import re
 import shutil
 import stat
@@ -27,6 +28,7 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core import caching, cgutils
+from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -36,6 +38,7 @@ _IMPORT = re.compile(
     re.MULTILINE,
 )
 _COMPILER = "libllvmlite"
+_DIGEST_BYTES = 8
 _KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -61,8 +64,10 @@ def _imports(file: Path) -> frozenset[Path]:
 
 @cache
 def sources_of(file: Path) -> tuple[Path, ...]:
-    """All project files whose text decides what a kernel in ``file`` does: its own and what it imports, however far down."""
-    known, open_ = {file}, [file]
+    """All project files whose text decides what a kernel in ``file`` does: its own, its packages', and what these import,
+    however far down."""
+    open_ = list(_files_of(".".join(file.relative_to(_ROOT).with_suffix("").parts)))
+    known = set(open_)
     while open_:
         for path in _imports(open_.pop()) - known:
             known.add(path)
@@ -74,7 +79,7 @@ def sources_of(file: Path) -> tuple[Path, ...]:
 def fingerprint(file: Path) -> str:
     """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
     versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
-    digest = hashlib.blake2b(repr(versions).encode(), digest_size=8)
+    digest = hashlib.blake2b(repr(versions).encode(), digest_size=_DIGEST_BYTES)
     for path in sources_of(file):
         text = path.read_bytes()
         digest.update(f"{path.relative_to(_ROOT)} {len(text)}\n".encode() + text)
@@ -86,7 +91,8 @@ def _bases() -> Iterator[Path]:
         yield Path(os.environ["XDG_CACHE_HOME"]) / "rsc-swarm"
     with suppress(RuntimeError):  # no home
         yield Path.home() / ".cache" / "rsc-swarm"
-    yield Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
+    with suppress(OSError):  # no room for temporary files
+        yield Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
 
 
 def _is_ours(folder: Path) -> bool:
@@ -109,17 +115,22 @@ def cache_folder() -> Path | None:
     return None
 
 
+def _digest(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=_DIGEST_BYTES).digest()
+
+
 class _Place(caching._CacheLocator):  # type: ignore[misc]
     """Names what is kept; numba looks at the file's time and path instead."""
 
     def __init__(self, function: Callable[..., Any], file: Path) -> None:
         self._file, self._line = file, function.__code__.co_firstlineno
+        self._py_file = str(file)  # for numba's warnings
 
     def get_cache_path(self) -> str:
         return ""  # not known before it is needed: `_Kept`
 
     def ensure_cache_path(self) -> None:
-        pass  # `_Kept.save_overload` has made it
+        pass  # `_Kept` has made it
 
     def get_source_stamp(self) -> str:
         return fingerprint(self._file)
@@ -129,11 +140,43 @@ class _Place(caching._CacheLocator):  # type: ignore[misc]
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> "_Place":
-        return cls(function, Path(file).resolve())
+        return cls(function, _file_of(function))
 
 
 class _Form(caching.CompileResultCacheImpl):  # type: ignore[misc]
     _locator_classes = [_Place]  # noqa: RUF012
+
+
+class _Files:
+    """One file for each compiled form of one kernel, named after what it was compiled for.
+
+    numba's own index of all forms can be left pointing at another form when two processes write to it at once. A file that is
+    damaged counts as missing.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.folder = Path()
+
+    def load(self, key: object) -> Any:
+        try:
+            kept = self._path(key).read_bytes()
+        except OSError:
+            return None
+        digest, data = kept[:_DIGEST_BYTES], kept[_DIGEST_BYTES:]
+        return pickle.loads(data) if digest == _digest(data) else None
+
+    def save(self, key: object, compiled: object) -> None:
+        data, path = dumps(compiled), self._path(key)
+        part = path.with_suffix(f".{os.getpid()}")
+        try:
+            part.write_bytes(_digest(data) + data)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def _path(self, key: object) -> Path:
+        return self.folder / f"{self._name}.{_digest(repr(key).encode()).hex()}.nbc"
 
 
 class _Kept(caching.Cache):  # type: ignore[misc]
@@ -141,29 +184,36 @@ class _Kept(caching.Cache):  # type: ignore[misc]
 
     _impl_class = _Form  # type: ignore[assignment]
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._stamp = fingerprint(_file_of(function))
+        self._cache_file = _Files(self._impl.filename_base)
+
     def load_overload(self, signature: Any, target: Any) -> Any:
-        return super().load_overload(signature, target) if self._look() else None
+        return super().load_overload(signature, target) if self.find_folder() else None
 
     def save_overload(self, signature: Any, data: Any) -> None:
-        if not self._look():
+        folder = self.find_folder()
+        if folder is None:
             return
-        folder = Path(self._cache_file._cache_path)
-        if not folder.exists():
-            folder.mkdir(exist_ok=True, mode=0o700)
-            _sweep(folder)
-        super().save_overload(signature, data)
+        with suppress(OSError):  # no room, say: then it is compiled again next time
+            if not folder.exists():
+                folder.mkdir(exist_ok=True, mode=0o700)
+                _sweep(folder)
+            super().save_overload(signature, data)
 
-    def _look(self) -> bool:
-        """Point at the folder; False if there is none that can be trusted."""
-        base, kept = cache_folder(), self._cache_file
+    def find_folder(self) -> Path | None:
+        """Where the forms are or will be kept; None if nowhere that can be trusted."""
+        base = cache_folder()
         if base is None:
-            return False
-        if not kept._cache_path:
-            folder = base / f"kernels-{kept._source_stamp}"
-            kept._cache_path = self._cache_path = str(folder)
-            kept._index_path = str(folder / kept._index_name)
-        folder = Path(kept._cache_path)
-        return not folder.exists() or _is_ours(folder)
+            return None
+        folder = self._cache_file.folder = base / f"kernels-{self._stamp}"
+        try:
+            return folder if _is_ours(folder) else None
+        except FileNotFoundError:
+            return folder
+        except OSError:
+            return None
 
 
 def _sweep(newest: Path) -> None:
@@ -175,14 +225,17 @@ def _sweep(newest: Path) -> None:
 
 def is_kept(rule: Callable[..., Any]) -> bool:
     """Whether some compiled form of this kernel, as its sources are now, lies on disk."""
-    cache_of_rule = getattr(rule, "_cache", None)
-    return (
-        isinstance(cache_of_rule, _Kept) and cache_of_rule._look() and Path(cache_of_rule.cache_path).exists()
-    )
+    kept = getattr(rule, "_cache", None)
+    folder = kept.find_folder() if isinstance(kept, _Kept) else None
+    return folder is not None and folder.exists()
+
+
+def _file_of(function: Callable[..., Any]) -> Path:
+    return Path(function.__code__.co_filename).resolve()
 
 
 def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:
-    if Path(function.__code__.co_filename).resolve().is_relative_to(_ROOT):
+    if _file_of(function).is_relative_to(_ROOT):
         dispatcher._cache = _Kept(function)
     return dispatcher
 

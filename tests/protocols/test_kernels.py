@@ -1,11 +1,240 @@
-"""The compiler's memory, once everything is compiled."""
+"""Compiled rules: what flies is what stands in the sources, wherever they lie and whatever has been kept; and the compiler's
+memory, once everything is compiled."""
 
+import os
+import shutil
+import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from protocols.kernels import kernel, release_compiler
+from protocols import kernels
+from protocols.kernels import cache_folder, fingerprint, kernel, release_compiler, sources_of
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
+LOADED = (  # the project's files that a module loads when it is imported
+    "import importlib, sys; importlib.import_module(sys.argv[1]); "
+    "print(*(m.__file__ for n, m in sys.modules.items()"
+    " if n.split('.')[0] in ('protocols', 'agent', 'world', 'rsc_swarm') and m.__file__))"
+)
+
+# A small kernel that rests on a constant of each package: what it says now, and after one of them has been edited.
+PROBE = """
+from agent.control.gains import GAINS
+from protocols.dynamics import TICK_S
+from protocols.kernels import kernel
+from rsc_swarm.batch.kernel import PAST
+from world.medium.chance import LOSS
+
+@kernel
+def probe() -> tuple[float, float, float, float]:
+    return TICK_S, GAINS.slot_pull, LOSS, PAST
+
+if __name__ == "__main__":
+    print(*probe())
+"""
+BEFORE = "0.01 2.67 2 4"
+EDITS = [
+    ("protocols/dynamics.py", "TICK_S = 0.01", "TICK_S = 0.02", "0.02 2.67 2 4"),
+    ("agent/control/gains.py", "slot_pull: float = 2.67", "slot_pull: float = 99.0", "0.01 99.0 2 4"),
+    ("world/medium/chance.py", "LOSS = 2", "LOSS = 7", "0.01 2.67 7 4"),
+    ("rsc_swarm/batch/kernel.py", "PAST = 4", "PAST = 5", "0.01 2.67 2 5"),
+]
+# Any small rule, where only what is kept matters.
+CLIP = "from protocols.dynamics import clip_ball; print(*clip_ball(3.0, 4.0, 10.0))"
+CLIPPED = "3.0 4.0"
+# Rules as they are, each with a constant of another file in it.
+TRACK = (
+    "import numpy as np; from agent.control.follow import track_row; plan = np.ones((2, 2), np.float32); "
+    "print(track_row(1, np.zeros(4), 0 * plan, plan, np.zeros(2), np.zeros(2), False)[0])"
+)
+LOSE = (
+    "from world.medium.medium import Link, dropped_by; link = Link(6.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0); "
+    "print(*(dropped_by(link, 3, 1, 2, tick, True, False) for tick in range(40)))"
+)
+
+
+def place(folder: Path) -> Path:
+    """The project's packages, copied to ``folder``."""
+    for package in PACKAGES:
+        shutil.copytree(
+            ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__", "*.onnx")
+        )
+    (folder / "rsc_swarm" / "probe.py").write_text(PROBE)
+    return folder
+
+
+def run(checkout: Path, home: Path, *command: str, **environment: str) -> str:
+    """What Python prints when it runs ``command`` with the packages of ``checkout``; whatever it keeps goes below ``home``."""
+    done = subprocess.run(
+        [sys.executable, *command], cwd=checkout, capture_output=True, text=True, check=False,
+        env={
+            "PATH": os.environ["PATH"], "HOME": str(home), "TMPDIR": str(home), "PYTHONDONTWRITEBYTECODE": "1",
+            "PYTHONPATH": str(checkout), **environment,
+        },
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.strip()
+
+
+def kept_files(home: Path) -> list[Path]:
+    return sorted(path for path in home.rglob("*") if path.is_file())
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    (tmp_path / "home").mkdir()
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    return place(tmp_path / "checkout")
+
+
+@pytest.fixture
+def fresh_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    """A folder of our own that nothing has looked at; where else one might look there is nothing."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    monkeypatch.setenv("HOME", str(tmp_path / "nothing" / "home"))
+    monkeypatch.setattr(kernels.tempfile, "gettempdir", lambda: "/dev/null/nowhere")
+    (tmp_path / "nothing").touch()
+    (tmp_path / "xdg").mkdir()
+    cache_folder.cache_clear()
+    yield tmp_path / "xdg" / "rsc-swarm"
+    cache_folder.cache_clear()
+
+
+def test_an_edited_constant_of_any_package_flies(checkout: Path, home: Path) -> None:
+    assert run(checkout, home, "-m", "rsc_swarm.probe") == BEFORE
+    for file, text, edited, after in EDITS:
+        whole = (checkout / file).read_text()
+        assert whole.count(text) == 1, f"{file} has no longer {text}"
+        (checkout / file).write_text(whole.replace(text, edited))
+        assert run(checkout, home, "-m", "rsc_swarm.probe") == after, f"{file}: the old {text} flew"
+        (checkout / file).write_text(whole)
+
+
+@pytest.mark.parametrize(("rule", "edit"), [(TRACK, EDITS[0]), (LOSE, EDITS[2])], ids=["track", "lose"])
+def test_a_rule_flies_an_edited_constant_of_another_file(
+    rule: str, edit: tuple[str, str, str, str], checkout: Path, home: Path
+) -> None:
+    before = run(checkout, home, "-c", rule)
+    file = checkout / edit[0]
+    file.write_text(file.read_text().replace(edit[1], edit[2]))
+    assert run(checkout, home, "-c", rule) != before
+
+
+@pytest.mark.parametrize(
+    "module", ["agent.tick", "agent.policy.saber", "world.core", "rsc_swarm.batch.kernel"]
+)
+def test_a_kernel_is_named_after_every_file_that_its_module_loads(module: str) -> None:
+    file = ROOT / f"{module.replace('.', '/')}.py"
+    loaded = {Path(name) for name in run(ROOT, ROOT, "-c", LOADED, module).split()}
+    assert file in loaded
+    assert loaded <= set(sources_of(file))
+
+
+def test_two_checkouts_share_what_either_compiled(checkout: Path, home: Path, tmp_path: Path) -> None:
+    other = place(tmp_path / "elsewhere" / "deep")
+    name = "import pathlib, protocols.kernels as k; print(k.fingerprint(pathlib.Path('agent/tick.py').resolve()))"
+    expected = fingerprint(ROOT / "agent" / "tick.py")
+    assert run(checkout, home, "-c", name) == run(other, home, "-c", name) == expected
+    run(checkout, home, "-c", CLIP)
+    kept = {path: path.stat().st_mtime_ns for path in kept_files(home)}
+    assert len(kept) == 1
+    run(other, home, "-c", CLIP)
+    assert {path: path.stat().st_mtime_ns for path in kept_files(home)} == kept
+
+
+def test_importing_any_module_touches_no_folder(home: Path) -> None:
+    modules = [
+        ".".join(file.relative_to(ROOT).with_suffix("").parts)
+        for package in PACKAGES
+        for file in sorted((ROOT / package).rglob("*.py"))
+        if file.name != "__main__.py" and not {"training", "plots"} & set(file.parts)  # torch, matplotlib
+    ]
+    run(ROOT, home, "-c", f"import importlib\nfor name in {modules}: importlib.import_module(name)")
+    assert list(home.rglob("*")) == []
+
+
+def test_a_damaged_file_is_compiled_again(home: Path) -> None:
+    run(ROOT, home, "-c", CLIP)
+    (kept,) = kept_files(home)
+    whole = kept.read_bytes()
+    middle = len(whole) // 2
+    for damaged in (b"", whole[:middle], whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]):
+        kept.write_bytes(damaged)
+        assert run(ROOT, home, "-c", CLIP) == CLIPPED
+        assert len(kept.read_bytes()) == len(whole)
+
+
+def test_without_room_on_the_disk_kernels_run_all_the_same(home: Path) -> None:
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); "
+    assert run(ROOT, home, "-c", full + CLIP) == CLIPPED
+    assert kept_files(home) == []
+
+
+def test_without_any_folder_kernels_run_all_the_same(home: Path) -> None:
+    nowhere = (
+        "import tempfile; from pathlib import Path; "
+        "Path.home = tempfile.gettempdir = lambda *_: Path('/dev/null'); "
+    )
+    assert run(ROOT, home, "-c", nowhere + CLIP, XDG_CACHE_HOME="/dev/null/nowhere") == CLIPPED
+    assert kept_files(home) == []
+
+
+def test_without_a_home_kernels_are_kept_among_temporary_files(
+    fresh_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(Path, "home", homeless)
+    monkeypatch.setattr(kernels.tempfile, "gettempdir", lambda: str(tmp_path))
+    assert cache_folder() == tmp_path / f"rsc-swarm-cache-{os.getuid()}"
+
+
+def test_a_folder_of_our_own_is_made_for_us_alone(fresh_cache: Path) -> None:
+    assert cache_folder() == fresh_cache
+    assert fresh_cache.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o702, 0o777])
+def test_a_folder_that_others_may_write_to_is_not_used(fresh_cache: Path, mode: int) -> None:
+    fresh_cache.mkdir()
+    fresh_cache.chmod(mode)
+    assert cache_folder() is None
+
+
+def test_a_link_or_a_file_is_not_used(fresh_cache: Path, tmp_path: Path) -> None:
+    (tmp_path / "trap").mkdir(mode=0o700)
+    fresh_cache.symlink_to(tmp_path / "trap")
+    assert cache_folder() is None
+    fresh_cache.unlink()
+    fresh_cache.touch()
+    cache_folder.cache_clear()
+    assert cache_folder() is None
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
+def test_somebody_elses_folder_is_not_used(fresh_cache: Path) -> None:
+    fresh_cache.mkdir(mode=0o700)
+    os.chown(fresh_cache, 12345, 12345)
+    assert cache_folder() is None
+
+
+def test_a_trap_inside_our_folder_is_not_used(home: Path) -> None:
+    run(ROOT, home, "-c", CLIP)
+    (kept,) = kept_files(home)
+    kept.parent.chmod(0o777)
+    kept.write_bytes(b"a trap")
+    assert run(ROOT, home, "-c", CLIP) == CLIPPED
+    assert kept.read_bytes() == b"a trap"
 
 
 def resident_code_kb() -> int:
