@@ -7,13 +7,11 @@ single pointer. In Python the same arrays are reached through the named tuples i
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
-from numba.experimental import structref
 from numpy.typing import NDArray
 
 from agent.control.gains import SafetyLimits
 from agent.memory import Memory
-from protocols.kernels import borrowed, kernel
+from protocols.kernels import borrowed, by_reference, kernel
 from protocols.slots import trigger
 from protocols.wire.frames import OBSERVATION_SIZE, Frames
 from protocols.wire.sensed import Sensed
@@ -82,12 +80,8 @@ class Work(NamedTuple):
     sent: NDArray[np.bool_]
 
 
-@structref.register
-class _TickArraysType(types.StructRef):  # type: ignore[misc]
-    pass
-
-
-class TickArrays(structref.StructRefProxy):  # type: ignore[misc]
+@by_reference
+class TickArrays:
     """The one object; made by `make_tick_arrays`. Its fields are for kernels only."""
 
     rules: Rules
@@ -97,11 +91,6 @@ class TickArrays(structref.StructRefProxy):  # type: ignore[misc]
     sensed: Sensed
     frames: Frames
     memory: Memory
-
-
-structref.define_proxy(
-    TickArrays, _TickArraysType, ["rules", "shape", "views", "work", "sensed", "frames", "memory"]
-)
 
 
 @kernel

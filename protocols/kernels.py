@@ -6,6 +6,9 @@ other than the one in its sources, and two checkouts of the same text share what
 the project are compiled anew in every process: what they depend on is not known here.
 
 Importing touches no folder. Compiled code is unpickled, so a folder is taken only if it is ours and only we may write to it.
+
+With RSC_SWARM_PYTHON_KERNELS=1 nothing is compiled: every rule runs as the Python it is written in, some hundred times
+slower, for a debugger, a print or a coverage report. It gives the same bits.
 """
 
 import ctypes
@@ -20,15 +23,18 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, dataclass_transform
 
 import llvmlite
 import numba
 import numpy as np
+from numba import types
 from numba.core import caching, cgutils
 from numba.core.serialize import dumps
+from numba.experimental import structref
 from numba.extending import intrinsic
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -42,6 +48,11 @@ _DIGEST_BYTES = 8
 _KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
+
+COMPILED = os.environ.get("RSC_SWARM_PYTHON_KERNELS", "0") in ("", "0")
+if not COMPILED:
+    np.seterr(all="ignore")  # as compiled: integers wrap around, and 1 / 0 is infinite, without a word
 
 
 def _files_of(module: str) -> Iterator[Path]:
@@ -187,7 +198,8 @@ class _Kept(caching.Cache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._stamp = fingerprint(_file_of(function))
-        self._cache_file = _Files(self._impl.filename_base)
+        self._files = _Files(self._impl.filename_base)
+        self._cache_file = self._files  # type: ignore[assignment]
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         return super().load_overload(signature, target) if self.find_folder() else None
@@ -207,7 +219,7 @@ class _Kept(caching.Cache):  # type: ignore[misc]
         base = cache_folder()
         if base is None:
             return None
-        folder = self._cache_file.folder = base / f"kernels-{self._stamp}"
+        folder = self._files.folder = base / f"kernels-{self._stamp}"
         try:
             return folder if _is_ours(folder) else None
         except FileNotFoundError:
@@ -224,7 +236,9 @@ def _sweep(newest: Path) -> None:
 
 
 def is_kept(rule: Callable[..., Any]) -> bool:
-    """Whether some compiled form of this kernel, as its sources are now, lies on disk."""
+    """Whether some compiled form of this kernel, as its sources are now, lies on disk; also where nothing is compiled."""
+    if not COMPILED:
+        return True
     kept = getattr(rule, "_cache", None)
     folder = kept.find_folder() if isinstance(kept, _Kept) else None
     return folder is not None and folder.exists()
@@ -246,7 +260,7 @@ def kernel(function: F) -> F:
     Strict IEEE arithmetic (no fast-math): the same inputs give the same bits in every process of a machine, which
     is what lets a flight in 25 processes have the digest of its in-process twin.
     """
-    return cast(F, _kept(numba.njit(error_model="numpy")(function), function))
+    return cast(F, _kept(numba.njit(error_model="numpy")(function), function)) if COMPILED else function
 
 
 def inlined_kernel(function: F) -> F:
@@ -255,7 +269,25 @@ def inlined_kernel(function: F) -> F:
     Handing arrays to a kernel that is not inlined counts references to each of them, which for a small rule costs more
     than the rule. Not for kernels that allocate.
     """
+    if not COMPILED:
+        return function
     return cast(F, _kept(numba.njit(error_model="numpy", forceinline=True)(function), function))
+
+
+@dataclass_transform()
+def by_reference(fields: type[T]) -> type[T]:
+    """A class of named fields that kernels take as one pointer: handing them a hundred arrays one by one costs more than they do.
+
+    Made by a kernel; only kernels read its fields.
+    """
+    if not COMPILED:
+        return dataclass(fields)
+    name, module = fields.__name__, fields.__module__
+    kind = structref.register(type(f"{name}Type", (types.StructRef,), {"__module__": module}))
+    setattr(sys.modules[module], kind.__name__, kind)  # what is kept on disk refers to it
+    made = type(name, (structref.StructRefProxy,), {"__module__": module, "__doc__": fields.__doc__})
+    structref.define_proxy(made, kind, list(fields.__annotations__))
+    return made
 
 
 def release_compiler() -> None:
@@ -273,23 +305,34 @@ def release_compiler() -> None:
             )
 
 
-_intrinsic: Any = intrinsic  # numba's annotations know nothing of what it makes of a function
+def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """``value`` of the compiler's type ``kind``, with the references of the arrays in it left uncounted."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = enumerate(cast(Any, kind).types)
+        members = [_lent(context, builder, part, builder.extract_value(value, at)) for at, part in parts]
+        return context.make_tuple(builder, kind, members)
+    return value
 
 
-@_intrinsic  # type: ignore[untyped-decorator]
-def borrowed(typing: Any, group: Any) -> Any:
-    """For use in kernels: a named tuple of arrays, the same ones, whose references nobody counts.
+def borrowed(group: T) -> T:
+    """For use in kernels: a named tuple of arrays, numbers and such tuples, the same ones, whose references nobody counts.
 
     Counting them at every use costs more than most rules do. The caller keeps the arrays alive.
     """
+    return group
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        lent = []
-        for index, kind in enumerate(group.types):
-            array = context.make_array(kind)(context, builder, builder.extract_value(arguments[0], index))
-            array.meminfo = cgutils.get_null_value(array.meminfo.type)
-            array.parent = cgutils.get_null_value(array.parent.type)
-            lent.append(array._getvalue())
-        return context.make_tuple(builder, group, lent)
 
-    return group(group), generate
+if COMPILED:
+
+    def _borrow(typing: Any, group: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return _lent(context, builder, group, arguments[0])
+
+        return group(group), generate
+
+    borrowed = intrinsic(_borrow)  # type: ignore[assignment, arg-type]

@@ -3,15 +3,13 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.experimental import structref
 from numpy.typing import NDArray
 
 from agent.control.follow import Following, follow_row
 from agent.memory import Memory
 from agent.observation import WIDE_SIZE, compressed, observe_wide_row
 from agent.tick_arrays import Rules, TickArrays, Work
-from protocols.kernels import borrowed, inlined_kernel, kernel
+from protocols.kernels import borrowed, by_reference, inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
 
@@ -80,12 +78,8 @@ def empty_plans(rows: int, horizon: int) -> Plans:
     )
 
 
-@structref.register
-class _PlannerType(types.StructRef):  # type: ignore[misc]
-    pass
-
-
-class Planner(structref.StructRefProxy):  # type: ignore[misc]
+@by_reference
+class Planner:
     """All that the kernels here work on, laid out once, as `agent.tick_arrays.TickArrays` is. Its fields are for kernels only.
 
     replan: ticks between plans. wanted: (A, 2) m/s^2, what flying the plans takes now.
@@ -97,11 +91,6 @@ class Planner(structref.StructRefProxy):  # type: ignore[misc]
     question: Question
     plans: Plans
     wanted: NDArray[np.float64]
-
-
-structref.define_proxy(
-    Planner, _PlannerType, ["replan", "following", "history", "question", "plans", "wanted"]
-)
 
 
 @kernel
