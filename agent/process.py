@@ -23,6 +23,8 @@ from protocols.wire.status import AgentStatus
 _LISTEN_S = 0.2
 _STATUS_EVERY = 50  # ticks between accounts of itself when nothing changes
 
+WORLD_SILENT = "the world has fallen silent"
+
 
 class Link(Protocol):
     """Bytes to and from the world: agent.radio.link.AgentLink, or a test's."""
@@ -116,7 +118,7 @@ def fly(link: Link, agent: int, leaving: Callable[[], bool]) -> str:
         if data is None:
             silent_s += _LISTEN_S
             if silent_s >= messages.SILENCE_LIMIT_S:
-                return "the world has fallen silent"
+                return WORLD_SILENT
             if drone is None:
                 link.send(messages.pack(messages.HELLO, messages.VERSION))
             continue

@@ -5,13 +5,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.errors import SwarmError
 from protocols.mission.document import Mission
 
 _MAP, _START, _SLOTS = 1, 2, 3  # each kind of draw has a stream of its own
 _TRIES = 100_000
 
 
-class FieldError(RuntimeError):
+class FieldError(SwarmError, RuntimeError):
     """There is no room to start; the message says what to change."""
 
 

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from agent.memory import Memory
 from agent.tick_arrays import TickArrays
+from protocols.errors import SwarmError
 
 
-class PolicyError(ValueError):
+class PolicyError(SwarmError, ValueError):
     """A policy that cannot be had or went wrong; one line names it and says where."""
 
 

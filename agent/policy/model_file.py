@@ -12,6 +12,7 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from agent.observation import WIDE_SIZE
+from protocols.errors import SwarmError
 from protocols.mission.document import explain
 from protocols.wire.frames import OBSERVATION_SIZE
 
@@ -26,7 +27,7 @@ _INPUT, _OUTPUT = 11, 12
 _NAME, _TYPE, _TENSOR, _SHAPE, _DIMENSION, _SIZE = 1, 2, 1, 2, 1, 1
 
 
-class ModelFileError(ValueError):
+class ModelFileError(SwarmError, ValueError):
     """A file that holds no policy that can be flown; one line names the file and says why."""
 
 

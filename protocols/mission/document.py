@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from protocols.dynamics import TICK_S
+from protocols.errors import SwarmError
 from protocols.mission.formation import Formation, build_formation, default_shape, shape_points
 
 MAX_AGENTS = 250  # agent numbers travel as one byte
@@ -22,7 +23,7 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[float, float]
 
 
-class MissionError(ValueError):
+class MissionError(SwarmError, ValueError):
     """A mission that cannot be flown; the text is one line: the field, what is wrong, what would be right."""
 
 

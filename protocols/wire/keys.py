@@ -10,6 +10,8 @@ import json
 import re
 from typing import NamedTuple
 
+from protocols.errors import BrokenError
+
 MAX_AGENTS = 255
 
 # The protocols that both ends speak; what follows the port is left to Zenoh.
@@ -17,7 +19,7 @@ _ENDPOINT = re.compile(r"unixsock-stream/.+|(tcp|tls|quic|ws)/.+:\d+.*")
 _SWARM_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
-class LinkError(RuntimeError):
+class LinkError(BrokenError, RuntimeError):
     """A link could not be opened. The message is one line: what is wrong, and what would be right."""
 
 

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 from agent.radio.link import AgentLink
+from protocols.whole_file import write_whole
 from protocols.wire.keys import Login
 from rsc_swarm.flight.processes import Supervisor, leave_on_sigterm
 from rsc_swarm.flight.socket_folder import RunFolder
@@ -65,9 +66,7 @@ def _world(credentials: Credentials, endpoint: str, down_bytes: int, ticks: int,
                     link.send(agent, message)
                 _await_all(link, len(agents), "answer")
             took = time.perf_counter() - started
-    unfinished = result.with_suffix(".new")
-    unfinished.write_text(repr(ticks / took))
-    unfinished.rename(result)
+    write_whole(result, repr(ticks / took))
 
 
 def _await_all(link: WorldLink, agents: int, doing_what: str) -> None:

@@ -1,41 +1,54 @@
 """``rsc-swarm mission``: what would be flown, field by field."""
 
 import sys
+from typing import Annotated
 
-import yaml
+import typer
 
-from protocols.mission.document import MissionError
-from protocols.mission.formation import default_shape
-from rsc_swarm.cli.options import SHIPPED, MissionOptions, resolve, shipped_missions
-from rsc_swarm.flight.run_dir import mission_yaml
+from rsc_swarm.cli.app import app, examples
+from rsc_swarm.cli.options import SHIPPED, MissionOptions, resolve, shipped_missions, with_options
 
 
-def run(options: MissionOptions, check: bool, list_: bool) -> None:
-    """Print the mission, or only check it, or list the shipped ones.
-
-    Raises:
-        MissionError, agent.policy.PolicyError, world.field.FieldError: it cannot be flown.
-    """
-    if list_:
+@app.command(
+    epilog=examples(
+        "mission --list", "mission --mission dense --agents 36 > my.yaml", "mission --mission my.yaml --check"
+    )
+)
+@with_options
+def mission(
+    options: MissionOptions,
+    check: Annotated[bool, typer.Option("--check", help="Only say whether it can be flown.")] = False,
+    shipped: Annotated[
+        bool, typer.Option("--list", help="List the missions that come with rsc-swarm.")
+    ] = False,
+) -> None:
+    """Print the mission these options make, every field, as YAML; refuse one that cannot be flown."""
+    if shipped:
         for name in shipped_missions():
             print(f"{name:<16} {about(name)}")
         return
-    mission = resolve(options)
     from agent.policy import find_policy
+    from protocols.mission.formation import default_shape
+    from rsc_swarm.flight.run_dir import mission_yaml
     from world.field import draw_obstacles, draw_start
 
-    find_policy(mission.policy, mission)
-    draw_start(mission, draw_obstacles(mission))
-    asked = mission.formation.shape
-    shape = default_shape(mission.agents) if asked == "auto" else asked
+    made = resolve(options)
+    find_policy(made.policy, made)
+    draw_start(made, draw_obstacles(made))
+    asked = made.formation.shape
+    shape = default_shape(made.agents) if asked == "auto" else asked
     if check:
-        print(f"{options.mission or 'mission'}: can be flown by {mission.agents} agents, formation {shape}")
+        print(f"{options.mission or 'mission'}: can be flown by {made.agents} agents, formation {shape}")
     else:
-        sys.stdout.write(mission_yaml(mission))
+        sys.stdout.write(mission_yaml(made))
 
 
 def about(name: str) -> str:
     """What a shipped mission is, from its first comment line."""
+    import yaml
+
+    from protocols.mission.document import MissionError
+
     path = SHIPPED / f"{name}.yaml"
     first = path.read_text(encoding="utf-8").splitlines()[0]
     if not first.startswith("# ") or not isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), dict):

@@ -1,31 +1,70 @@
 """``rsc-swarm train``: progress while it trains, and what came out."""
 
 import sys
-import time
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rsc_swarm.show.meter import Meter
-from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
-from rsc_swarm.training.watcher import Scalars, Watcher
+import typer
+
+from protocols.errors import ExitCode
+from rsc_swarm.cli.app import announce_compiling, app, examples
+
+if TYPE_CHECKING:
+    from rsc_swarm.training.config import TrainingConfig
+    from rsc_swarm.training.watcher import Scalars
 
 _NEEDED = {"torch", "tensorboard", "onnx", "onnxruntime"}
 
 
-def run(
-    preset: str,
-    file: Path | None,
-    out: Path | None,
-    device: str,
-    threads: int | None,
-    **given: int | str | None,
-) -> int:
-    """Train and say what came out; the exit code. ``given``: fields of the config, None where not given.
+@app.command(
+    epilog=examples(
+        "train --horizon 20",
+        "train --horizon 10 --preset paper --out training/paper-h10",
+        "train --config mine.yaml --seed 2 --threads 1",
+    )
+)
+def train(
+    horizon: Annotated[int | None, typer.Option(metavar="H", help="Planned steps of 10 ms. (20)")] = None,
+    preset: Annotated[
+        str,
+        typer.Option(
+            help="default: what ships; paper: the shape and output of the paper; stgnn: the baseline."
+        ),
+    ] = "default",
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Fields of the training config (YAML), on top of it.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of weights, maps and batches. (0)")] = None,
+    epochs: Annotated[int | None, typer.Option(help="How often to fly and learn. (20)")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Checkpoints, curves and model.onnx; goes on with what is there. (training/NAME-SEED)",
+        ),
+    ] = None,
+    device: Annotated[
+        str, typer.Option(help="auto, cpu or cuda; auto takes a GPU if there is one.")
+    ] = "auto",
+    threads: Annotated[int | None, typer.Option(min=1, help="Of torch. (one per processor)")] = None,
+) -> None:
+    """Train a policy by imitation of the expert and write it as a model file. Ctrl-C and the same command: goes on."""
+    announce_compiling()
+    from rsc_swarm.training.config import make_config
+
+    made = make_config(preset, config, horizon=horizon, seed=seed, epochs=epochs)
+    raise typer.Exit(_train(made, out, device, threads))
+
+
+def _train(config: "TrainingConfig", out: Path | None, device: str, threads: int | None) -> ExitCode:
+    """Train and say what came out.
 
     Raises:
-        TrainingError: a bad config, device or folder, or what training needs is not installed.
+        TrainingError: a bad device or folder, or what training needs is not installed.
     """
-    config = make_config(preset, file, **given)
+    from rsc_swarm.training.config import TrainingError
+
     try:
         from rsc_swarm.training.dagger import train
     except ModuleNotFoundError as error:
@@ -40,43 +79,39 @@ def run(
     except KeyboardInterrupt:
         kept = "the epochs before are kept, and the same command goes on from there"
         print(f"stopped in epoch {len(progress.curve) + 1} of {config.epochs}; {kept}", file=sys.stderr)
-        return 130
+        return ExitCode.INTERRUPTED
     print(f"{model}: {model.stat().st_size / 1e6:.1f} MB, {_figures(progress.curve)}")
-    return 0
+    return ExitCode.SUCCEEDED
 
 
-class _Progress(Watcher):
-    """Shows the epochs on a meter."""
+class _Progress:
+    """Shows the epochs on a meter (rsc_swarm.training.watcher.Watcher)."""
 
     def __init__(self) -> None:
+        from rsc_swarm.show.progress import Meter
+
         self.curve: list[Scalars] = []
         self._meter = Meter()
 
-    def begin(self, config: TrainingConfig, curve: list[Scalars]) -> None:
-        self.curve, self._known, self._epochs = list(curve), len(curve), config.epochs
-        self._begin = time.monotonic()
-        self._meter.begin(self._said(0.0), total=self._epochs)
+    def begin(self, config: "TrainingConfig", curve: "list[Scalars]") -> None:
+        self.curve, self._epochs = list(curve), config.epochs
+        self._meter.begin(self._said(), total=self._epochs, done=len(curve))
 
     def step(self, share: float) -> None:
         if self._meter.due():
-            self._meter.draw(len(self.curve) + share, self._said(share))
+            self._meter.draw(len(self.curve) + share, self._said())
 
-    def epoch(self, scalars: Scalars) -> None:
+    def epoch(self, scalars: "Scalars") -> None:
         self.curve.append(scalars)
 
     def close(self) -> None:
         self._meter.close()
 
-    def _said(self, share: float) -> str:
-        done = len(self.curve) + share - self._known
-        text = f"epoch {min(len(self.curve) + 1, self._epochs)} of {self._epochs}, {_figures(self.curve)}"
-        if done < 0.2:
-            return text
-        spent = time.monotonic() - self._begin
-        return f"{text}, {spent / done * (self._epochs - self._known - done):.0f} s left"
+    def _said(self) -> str:
+        return f"epoch {min(len(self.curve) + 1, self._epochs)} of {self._epochs}, {_figures(self.curve)}"
 
 
-def _figures(curve: list[Scalars]) -> str:
+def _figures(curve: "list[Scalars]") -> str:
     """The newest scalars, for people."""
     if not curve:
         return "nothing learned yet"

@@ -18,8 +18,9 @@ from pathlib import Path
 import psutil
 
 from agent.policy import PolicyError
-from agent.process import fly, rehearse
+from agent.process import WORLD_SILENT, fly, rehearse
 from agent.radio.link import AgentLink
+from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError, Login
 from rsc_swarm.flight.processes import Exit, Leave, Supervisor, leave_on_sigterm
@@ -33,10 +34,10 @@ from world.server.session import Clock, Flown, NoControl, ServerError, WorldServ
 
 _GRACE_S = 2.0
 _WORLD = "world"
-_POLICY_WENT_WRONG = 2  # a drone's exit code; the last line of its log says what happened
+_POLICY_WENT_WRONG = int(ExitCode.BAD_USAGE)  # a drone's exit code; the last line of its log says what happened
 
 
-class RunBroken(RuntimeError):
+class RunBroken(BrokenError, RuntimeError):
     """The run itself broke, not the flight; one line says how."""
 
 
@@ -90,7 +91,7 @@ def _world(
         if recorder and trajectory:
             recorder.save(trajectory)
         pipe.send(("flown", flown))
-    except (ServerError, LinkError) as error:
+    except SwarmError as error:
         pipe.send(("broken", str(error)))
 
 
@@ -298,7 +299,7 @@ def fly_agent(
     """Be one drone alone, as on its companion computer; return why the flight ended.
 
     Raises:
-        RunBroken: no world there, or the login is refused or unreadable.
+        RunBroken: no world there, the login is refused or unreadable, or the world fell silent.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
     leave = leave_on_sigterm()
@@ -307,10 +308,13 @@ def fly_agent(
         rehearse(parse_mission({"agents": 4}))
         with AgentLink(endpoint, login) as link:
             on_ready(time.time() - psutil.Process().create_time())
-            return fly(link, agent, lambda: leave.asked)
+            reason = fly(link, agent, lambda: leave.asked)
     except PolicyError:
         raise
     except OSError as error:
         raise RunBroken(f"{login_file}: cannot be read ({error.strerror})") from None
     except (LinkError, ValueError) as error:
         raise RunBroken(str(error)) from None
+    if reason == WORLD_SILENT:
+        raise RunBroken(f"agent {agent}: {reason}")
+    return reason

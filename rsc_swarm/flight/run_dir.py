@@ -9,19 +9,20 @@
 A directory that already holds a flight is used again; one that holds anything else is refused.
 """
 
-import os
 import shutil
 from pathlib import Path
 
 import yaml
 
+from protocols.errors import SwarmError
 from protocols.mission.document import Mission
+from protocols.whole_file import write_whole
 from rsc_swarm.show.report import FlightReport
 
 _MARK = "# A flight of rsc-swarm: this is its mission, with every field.\n"
 
 
-class RunDirError(RuntimeError):
+class RunDirError(SwarmError, RuntimeError):
     """The directory cannot be used; one line says why."""
 
 
@@ -87,13 +88,3 @@ def mission_yaml(mission: Mission) -> str:
     return yaml.safe_dump(
         mission.model_dump(mode="json"), sort_keys=False, width=110, default_flow_style=None
     )
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file that is complete or not there."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -1,74 +1,60 @@
-"""How far an evaluation is, and how long it will take."""
+"""How much of some work is done and how long the rest will take: a bar on a terminal, a line now and then elsewhere.
 
+Draws without a thread: whoever shows progress may fork.
+"""
+
+import sys
 import time
-from statistics import fmean
 
-from rsc_swarm.show.meter import Meter
-from rsc_swarm.study.evaluate import Watcher
-from rsc_swarm.study.workers import Flight
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-TICKS_GUESS = 0.75  # of the ticks a flight may take, until some have been flown
+from rsc_swarm.show.render import console
 
-
-class Gauge(Meter):
-    """Shows a share of work done, what is being done, and the time left."""
-
-    def begin(self, text: str, total: float = 1.0) -> None:
-        """The work begins now; the time left is reckoned from here."""
-        self._began = time.monotonic()
-        super().begin(text, total)
-
-    def tell(self, share: float, text: str) -> None:
-        """``share`` of the work, 0 to 1, is done."""
-        self.draw(share, text + _left(share, time.monotonic() - self._began))
+_LINE_EVERY_S = 10.0
+_DRAW_EVERY_S = 0.25
+_SPEED_OVER_S = 600.0  # the time left is reckoned from the speed of so long: work comes in bunches
 
 
-def _left(share: float, spent_s: float) -> str:
-    if share <= 0.02:
-        return ""
-    left = spent_s / share - spent_s
-    for length, unit in ((3600, "h"), (60, "min")):
-        if left >= 2 * length:
-            return f", {left / length:.0f} {unit} left"
-    return f", {left:.0f} s left"
+class Meter:
+    """Shows how much of a total is done, with a text that says what."""
 
+    def __init__(self) -> None:
+        screen = console(sys.stderr)
+        self._on_terminal = screen.is_terminal
+        self._left = TimeRemainingColumn()
+        self._bar = Progress(
+            BarColumn(24),
+            TextColumn("{task.description}"),
+            self._left,
+            console=screen,
+            auto_refresh=False,
+            transient=True,
+            speed_estimate_period=_SPEED_OVER_S,
+            disable=not self._on_terminal,
+        )
+        self._told = time.monotonic()
 
-class Flights(Watcher):
-    """Counts the flights of one evaluation and shows them on a gauge."""
+    def begin(self, text: str, total: float = 1.0, done: int = 0) -> None:
+        """The work begins now, or goes on after so much of it is ``done``."""
+        self._told = time.monotonic()
+        self._bar.start()
+        self._task = self._bar.add_task(text, total=total, completed=done)
+        self._bar.refresh()
 
-    def __init__(
-        self, ticks_guess: float, gauge: Gauge, label: str = "", before: float = 0.0, weight: float = 1.0
-    ) -> None:
-        """Count for one evaluation.
+    def due(self) -> bool:
+        """Whether it is time to draw again."""
+        return time.monotonic() - self._told >= (_DRAW_EVERY_S if self._on_terminal else _LINE_EVERY_S)
 
-        Args:
-            ticks_guess: how long a flight may take, until some have been flown.
-            label: stands before the count.
-            before, weight: the share of all work that was done before this evaluation, and that it is.
-        """
-        self.flights: list[Flight] = []
-        self._known, self._missing, self._ticks, self._guess = 0, 0, 0, ticks_guess
-        self._gauge, self._label, self._before, self._weight = gauge, label, before, weight
+    def draw(self, done: float, text: str) -> None:
+        """So much of the total is done."""
+        self._told = time.monotonic()
+        self._bar.update(self._task, completed=done, description=text)
+        self._bar.refresh()
+        if not self._on_terminal:
+            task = self._bar.tasks[self._task]
+            left = "" if task.time_remaining is None else f", {self._left.render(task)} left"
+            print(text + left, file=sys.stderr, flush=True)
 
-    def begin(self, known: list[Flight], missing: int) -> None:
-        self.flights, self._known, self._missing = list(known), len(known), missing
-
-    def ticks(self, flown: int) -> None:
-        self._ticks += flown
-        if self._gauge.due():
-            self._gauge.tell(self._before + self._weight * self._share(), self.said())
-
-    def flight(self, flight: Flight) -> None:
-        self.flights.append(flight)
-
-    def said(self) -> str:
-        """The count as a phrase."""
-        failed = sum(not flight.outcome.success for flight in self.flights)
-        total = self._known + self._missing
-        return f"{self._label}{len(self.flights)} of {total} flights, {failed or 'none'} failed"
-
-    def _share(self) -> float:
-        """The share of the flights that is done, by ticks: flights end in bunches."""
-        fresh = [flight.outcome.ticks for flight in self.flights[self._known :]]
-        length = fmean(fresh) if fresh else self._guess
-        return min(1.0, self._ticks / max(1.0, length * self._missing))
+    def close(self) -> None:
+        """Take the bar off the screen."""
+        self._bar.stop()

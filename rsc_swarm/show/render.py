@@ -10,6 +10,8 @@ from rich.text import Text
 
 from rsc_swarm.show.report import FlightReport, agents_text, lost_text
 
+_HOW = {"simulate": "in one process", "launch": "in real processes", "world": "with drones from elsewhere"}
+
 
 def render(report: FlightReport) -> RenderableType:
     """The report, to be printed by a rich console; without a terminal it is plain text."""
@@ -65,7 +67,7 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
     rejected = [f"{number:,} {reason}" for reason, number in frames.rejected.items() if number]
     if rejected:
         rows.append(("frames rejected", ", ".join(rejected)))
-    how = "in real processes" if report.mode == "launch" else "in one process"
+    how = _HOW[report.mode]
     rows.append(
         (
             "flown",
@@ -87,7 +89,7 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
 
 def _swaps(report: FlightReport) -> str:
     swaps = report.swaps
-    text = f"{swaps.committed} made of {swaps.proposed} proposed"
+    text = f"{swaps.proposed} proposed, {swaps.committed} made"
     fates = [
         f"{number} {fate}"
         for fate, number in (

@@ -118,7 +118,9 @@ class FlightReport(_Part):
     map_seed: int = Field(description="seed of the obstacles")
     seed: int = Field(description="seed of start places, radio and slots")
     clock: Literal["lockstep", "realtime"] = Field(description="repeatable, or 100 Hz on the wall clock")
-    mode: Literal["launch", "simulate"] = Field(description="real processes, or all in one")
+    mode: Literal["launch", "simulate", "world"] = Field(
+        description="real processes, all in one, or the world alone and drones from elsewhere"
+    )
     frames: FrameCounts
     swaps: SwapTotals
     first_tick_s: float | None = Field(description="launch: seconds from the command to the first tick")
@@ -133,7 +135,7 @@ class FlightReport(_Part):
 def report_of(
     flown: Flown,
     mission: Mission,
-    mode: Literal["launch", "simulate"],
+    mode: Literal["launch", "simulate", "world"],
     clock: str,
     again: str,
     first_tick_s: float | None = None,

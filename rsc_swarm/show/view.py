@@ -16,9 +16,10 @@ from rsc_swarm.show.render import console
 from world.outlets.snapshot import AgentRow, Snapshot
 
 _LINE_EVERY_S = 2.0
-_HEAD_LINES = 5
+_HEAD_LINES = 6  # and the line that explains the columns
 _ONE_COLUMN = 20  # more drones than this are shown in two columns
 _HEADING = f"{'agent':>5} {'slot':>4} {'m/s':>4} {'near m':>6} {'edge':>5} {'hear':>4} {'bad':>3}"
+_FOOTER = "near: to anything; edge: off its length; hear: drones heard; bad: frames refused"
 
 
 class View:
@@ -45,6 +46,12 @@ class View:
             self._next_line_s = (math.floor(snapshot.time_s / _LINE_EVERY_S) + 1) * _LINE_EVERY_S
             self._console.print(Text(line(snapshot)))
 
+    def doing(self, text: str) -> None:
+        """What is being done before there is a flight to see; on a terminal only, until the first `update`."""
+        if self._live:
+            title = Text(self._title, "bold", no_wrap=True, overflow="ellipsis")
+            self._live.update(Group(title, Text(f"{text}...")), refresh=True)
+
     def say(self, text: str) -> None:
         """One line above the picture."""
         self._console.print(Text(text))
@@ -52,6 +59,7 @@ class View:
     def __enter__(self) -> Self:
         if self._live:
             self._live.start()
+            self.doing("getting ready")
         return self
 
     def __exit__(
@@ -102,11 +110,12 @@ def picture(title: str, snapshot: Snapshot, height: int) -> Group:
         ),
         Text(
             f"frames sent {frames['sent']:,}  heard {frames['delivered']:,}  lost {100 * share:.0f} %   "
-            f"swaps made {swaps(snapshot)} of {snapshot.swaps['proposed']} proposed",
+            f"swaps proposed {snapshot.swaps['proposed']}, made {swaps(snapshot)}",
             no_wrap=True,
         ),
     ]
-    return Group(*head, Text(), *_table(snapshot, height - _HEAD_LINES - 1))
+    foot = Text(_FOOTER, style="dim", no_wrap=True, overflow="ellipsis")
+    return Group(*head, Text(), *_table(snapshot, height - _HEAD_LINES - 1), foot)
 
 
 def _table(snapshot: Snapshot, lines: int) -> list[Text]:

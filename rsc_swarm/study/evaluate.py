@@ -10,7 +10,7 @@ import os
 from contextlib import nullcontext
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -120,21 +120,33 @@ def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
     ]
 
 
+class Amount(NamedTuple):
+    """How much is flown: ``starts`` flights on each of ``maps`` maps from ``seed_base`` on, by so many processes."""
+
+    maps: int
+    starts: int
+    seed_base: int
+    workers: int | None
+
+    def seeds(self) -> list[Seeds]:
+        """As `seeds_of`."""
+        return seeds_of(self.seed_base, self.maps, self.starts)
+
+    def processes(self) -> int:
+        """How many processes fly: ``workers``, or one per processor.
+
+        Raises:
+            MissionError: fewer than one.
+        """
+        if self.workers is not None and self.workers < 1:
+            raise MissionError(f"--workers: give at least 1, not {self.workers}")
+        return self.workers or len(os.sched_getaffinity(0))
+
+
 def flown_on(maps: tuple[int, int], starts: int) -> str:
     """For people: ``maps`` (first and last seed) and the starts on each."""
     first, last = maps
     return f"maps {first} to {last}, {starts} start{'s' if starts > 1 else ''} each"
-
-
-def crew_size(workers: int | None) -> int:
-    """How many processes fly: ``workers``, or one per processor.
-
-    Raises:
-        MissionError: fewer than one.
-    """
-    if workers is not None and workers < 1:
-        raise MissionError(f"--workers: give at least 1, not {workers}")
-    return workers or len(os.sched_getaffinity(0))
 
 
 def evaluate(

@@ -18,6 +18,7 @@ import numba
 import numpy as np
 
 from agent.policy import files_of, find_policy
+from protocols.errors import SwarmError
 from protocols.mission.document import Mission
 from rsc_swarm.batch.expert import EXPERT
 from rsc_swarm.batch.expert import FILES as EXPERT_FILES
@@ -29,7 +30,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 _DECIDING = ("protocols", "agent", "world", "rsc_swarm/flight/simulate.py")
 
 
-class FinishedFlightsError(RuntimeError):
+class FinishedFlightsError(SwarmError, RuntimeError):
     """The journal cannot be used now; one line says why."""
 
 

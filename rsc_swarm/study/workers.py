@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from agent.policy import PolicyError
+from protocols.errors import BrokenError
 from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
@@ -39,7 +40,7 @@ class Flight:
     swaps: dict[str, int]
 
 
-class WorkerError(RuntimeError):
+class WorkerError(BrokenError, RuntimeError):
     """A worker died or could not fly; one line says which and why."""
 
 

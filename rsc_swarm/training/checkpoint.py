@@ -8,7 +8,6 @@ model.onnx             at the end
 
 import json
 import math
-import os
 import pickle
 import shutil
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 
 import torch
 
+from protocols.whole_file import whole_file, write_whole
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.replay import Replay, Samples
 from rsc_swarm.training.watcher import Scalars
@@ -66,7 +66,7 @@ class TrainingFolder:
             self._checkpoint, {"config": self._config.model_dump_json(), "curve": curve, "learner": learner}
         )
         lines = "".join(json.dumps(scalars) + "\n" for scalars in curve)
-        (self.path / "curve.jsonl").write_text(lines, encoding="utf-8")
+        write_whole(self.path / "curve.jsonl", lines)
         overwritten = epoch - math.ceil(replay.capacity / self._per_epoch)
         self._epoch(overwritten).unlink(missing_ok=True)
 
@@ -91,9 +91,8 @@ class TrainingFolder:
 
 
 def _write(path: Path, state: dict[str, Any]) -> None:
-    unfinished = path.with_name(path.name + ".part")
-    torch.save(state, unfinished)
-    os.replace(unfinished, path)
+    with whole_file(path) as file:
+        torch.save(state, file)
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from protocols.dynamics import TICK_S
+from protocols.errors import SwarmError
 from protocols.mission.document import (
     MissionError,
     NotNegative,
@@ -23,7 +24,7 @@ Count = Annotated[int, Field(ge=1)]
 PAST = 3  # past steps that are recorded
 
 
-class TrainingError(ValueError):
+class TrainingError(SwarmError, ValueError):
     """A training that cannot be begun or gone on with; one line says what is wrong and what would be right."""
 
 

@@ -1,12 +1,14 @@
 """Who is told how a training goes."""
 
+from typing import Protocol
+
 from rsc_swarm.training.config import TrainingConfig
 
 Scalars = dict[str, float]
 
 
-class Watcher:
-    """Is told, and says nothing."""
+class Watcher(Protocol):
+    """Is told how a training goes."""
 
     def begin(self, config: TrainingConfig, curve: list[Scalars]) -> None:
         """It begins, or goes on after the epochs of ``curve``."""
@@ -16,3 +18,7 @@ class Watcher:
 
     def epoch(self, scalars: Scalars) -> None:
         """An epoch is done."""
+
+
+class Nobody(Watcher):
+    """Is told, and says nothing."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from rsc_swarm.cli import main as cli
+from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.show.report import FlightReport
 
 COMMAND = [sys.executable, "-m", "rsc_swarm.cli.main"]
@@ -103,7 +104,7 @@ def test_even_a_bug_is_one_line_and_exit_code_3(run, monkeypatch):
     def broken(*_: object) -> int:
         raise ZeroDivisionError("division by\nzero")
 
-    monkeypatch.setattr("rsc_swarm.cli.fly.simulate", broken)
+    monkeypatch.setattr("rsc_swarm.cli.fly.fly_once", broken)
     code, _, err = run("simulate")
     assert code == 3
     assert err.startswith(
@@ -113,13 +114,10 @@ def test_even_a_bug_is_one_line_and_exit_code_3(run, monkeypatch):
 
 
 def test_a_broken_run_is_exit_code_3(run, monkeypatch):
-    class RunBroken(RuntimeError):
-        pass
-
     def broken(*_: object) -> int:
         raise RunBroken("agent 3 ended before the flight began")
 
-    monkeypatch.setattr("rsc_swarm.cli.fly.launch", broken)
+    monkeypatch.setattr("rsc_swarm.cli.fly.fly_once", broken)
     code, _, err = run("launch")
     assert (code, err) == (3, "rsc-swarm: agent 3 ended before the flight began\n")
 

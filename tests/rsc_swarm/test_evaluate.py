@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from protocols.mission.document import Mission, MissionError
-from rsc_swarm.cli.evaluate import render
 from rsc_swarm.flight.simulate import simulate
+from rsc_swarm.show.evaluation import render
 from rsc_swarm.show.render import plain
 from rsc_swarm.study import workers as crew
 from rsc_swarm.study.evaluate import (

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from protocols.mission.document import Mission
-from rsc_swarm.cli import plot as plot_command
+from rsc_swarm.cli import pictures as plot_command
 from rsc_swarm.cli.options import MissionOptions
-from rsc_swarm.cli.plot import Subject
+from rsc_swarm.cli.pictures import Subject
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.show.plots.curves import read_curve

@@ -21,9 +21,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PREAMBLE = """
 import os, signal, sys, time
 from pathlib import Path
+from protocols.whole_file import write_whole
 from rsc_swarm.flight.processes import Supervisor, leave_on_sigterm
 from rsc_swarm.flight.socket_folder import RunFolder
-from rsc_swarm.flight.run_dir import write_whole
 
 here = Path(sys.argv[1])
 

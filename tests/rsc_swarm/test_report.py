@@ -66,7 +66,7 @@ def test_what_is_dropped_and_swapped_is_counted():
     assert report.swaps.proposed >= report.swaps.committed
     text = plain(render(report))
     assert "% lost (loss " in text
-    assert f"{report.swaps.committed} made of {report.swaps.proposed} proposed" in text
+    assert f"{report.swaps.proposed} proposed, {report.swaps.committed} made" in text
 
 
 def test_people_read_the_verdict_first_and_how_to_fly_it_again_last(report):

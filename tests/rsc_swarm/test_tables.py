@@ -10,9 +10,10 @@ from types import ModuleType
 import pytest
 
 from protocols.mission.document import Mission, MissionError
+from rsc_swarm.cli import tables as command
 from rsc_swarm.cli.options import MissionOptions, resolve
-from rsc_swarm.study.evaluate import seeds_of
-from rsc_swarm.study.tables import command, flying, plan_error, rows
+from rsc_swarm.study.evaluate import Amount, seeds_of
+from rsc_swarm.study.tables import flying, plan_error, rows
 from rsc_swarm.study.tables.markdown import cells, drawn, legend, markdown, page
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import TableError, as_csv, path_of, read_table, read_tables
@@ -38,7 +39,7 @@ def small_table(monkeypatch):
 
 
 def evaluate(out: Path, names: str | None = None, maps: int = 2) -> int:
-    return command.run(SMALL.name, names, out, MissionOptions(), maps, 1, 1_000_000, 1, None)
+    return command.fly_table(SMALL.name, names, out, MissionOptions(), Amount(maps, 1, 1_000_000, 1), None)
 
 
 def test_every_row_is_a_mission_and_has_a_name_of_its_own():
@@ -172,7 +173,7 @@ def test_a_row_that_cannot_be_flown_is_named_before_any_is_flown(tmp_path, monke
     with pytest.raises(
         MissionError, match=r"row here/nobody cannot be flown: policy: unknown policy 'nobody'"
     ):
-        command.run("missing", None, tmp_path, MissionOptions(), 1, 1, 0, 1, None)
+        command.fly_table("missing", None, tmp_path, MissionOptions(), Amount(1, 1, 0, 1), None)
     assert list((tmp_path / "flights").iterdir()) == []
 
 
@@ -192,7 +193,7 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path):
 def test_all_tables_make_one_page(tmp_path, capsys):
     evaluate(tmp_path)
     capsys.readouterr()
-    command.show(tmp_path)
+    command.tables(tmp_path)
     said = capsys.readouterr().out
     assert said == page(read_tables(tmp_path))
     assert "\n## small: A small table\n\n| drones | model |" in said

@@ -17,11 +17,11 @@ from rsc_swarm.training.dagger import mixing, train
 from rsc_swarm.training.learning import Learner, penalty
 from rsc_swarm.training.network import make_network
 from rsc_swarm.training.replay import Replay, Samples, mirrored
-from rsc_swarm.training.watcher import Watcher
+from rsc_swarm.training.watcher import Nobody
 from tests.training.conftest import TINY
 
 
-class Stopping(Watcher):
+class Stopping(Nobody):
     """Presses Ctrl-C in the middle of the second epoch."""
 
     def begin(self, config, curve):
@@ -86,11 +86,11 @@ def test_the_expert_flies_less_and_less(tiny):
 @pytest.mark.parametrize("replay", [18, 36, 54])
 def test_a_stopped_training_goes_on_to_the_same_weights(tiny, tmp_path, unexported, replay):
     config = tiny.model_copy(update={"replay": replay})
-    train(config, tmp_path / "whole", "cpu", 1, Watcher())
+    train(config, tmp_path / "whole", "cpu", 1, Nobody())
     with pytest.raises(KeyboardInterrupt):
         train(config, tmp_path / "stopped", "cpu", 1, Stopping())
     assert len((tmp_path / "stopped" / "curve.jsonl").read_text().splitlines()) == 1
-    train(config, tmp_path / "stopped", "cpu", 1, Watcher())
+    train(config, tmp_path / "stopped", "cpu", 1, Nobody())
     for name, whole in weights(tmp_path / "whole").items():
         assert torch.equal(whole, weights(tmp_path / "stopped")[name]), name
     curve = [json.loads(line) for line in (tmp_path / "stopped" / "curve.jsonl").read_text().splitlines()]
@@ -102,21 +102,21 @@ def test_a_stopped_training_goes_on_to_the_same_weights(tiny, tmp_path, unexport
 def test_another_seed_gives_other_weights(tiny, tmp_path, unexported):
     short = tiny.model_copy(update={"epochs": 1})
     for seed in (0, 1):
-        train(short.model_copy(update={"seed": seed}), tmp_path / str(seed), "cpu", 1, Watcher())
+        train(short.model_copy(update={"seed": seed}), tmp_path / str(seed), "cpu", 1, Nobody())
     first, second = (weights(tmp_path / str(seed))["node.0.weight"] for seed in (0, 1))
     assert not torch.equal(first, second)
 
 
 def test_a_folder_with_another_training_is_refused(tiny, tmp_path, unexported):
     short = tiny.model_copy(update={"epochs": 1})
-    train(short, tmp_path, "cpu", 1, Watcher())
+    train(short, tmp_path, "cpu", 1, Nobody())
     with pytest.raises(TrainingError, match="holds a training with width 8, not 16; give another folder"):
         TrainingFolder(tmp_path, short.model_copy(update={"width": 16})).load()
 
 
 @pytest.mark.parametrize("damage", [b"", b"not a checkpoint", None])
 def test_a_damaged_checkpoint_is_one_line(tiny, tmp_path, unexported, damage):
-    train(tiny.model_copy(update={"epochs": 1}), tmp_path, "cpu", 1, Watcher())
+    train(tiny.model_copy(update={"epochs": 1}), tmp_path, "cpu", 1, Nobody())
     file = tmp_path / "checkpoint.pt"
     file.write_bytes(file.read_bytes()[:2000] if damage is None else damage)
     with pytest.raises(TrainingError, match=r"checkpoint.pt: is missing or damaged; remove .* train anew"):

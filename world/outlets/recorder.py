@@ -3,7 +3,6 @@
 Row t holds the state at the beginning of tick t, so row 0 is the start and the last row is the end.
 """
 
-import os
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
+from protocols.whole_file import whole_file
 from world.core import WorldCore
 
 _Kind = TypeVar("_Kind", bound=np.generic)
@@ -48,23 +48,22 @@ class Recorder:
         self._rows += 1
 
     def save(self, path: Path) -> None:
-        """Write all rows to an ``.npz`` file; the file is complete or it is not there."""
-        partial = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            with partial.open("wb") as file:
-                np.savez_compressed(
-                    file,
-                    positions=self._position[: self._rows],
-                    velocities=self._velocity[: self._rows],
-                    slots=self._slot[: self._rows],
-                    flying=self._flying[: self._rows],
-                    obstacles=self._obstacles,
-                    goal_x=self._goal_x,
-                    tick_s=TICK_S,
-                )
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        """Write all rows to an ``.npz`` file; the file is complete or it is not there.
+
+        Raises:
+            protocols.whole_file.WriteError: it cannot be written.
+        """
+        with whole_file(path) as file:
+            np.savez_compressed(
+                file,
+                positions=self._position[: self._rows],
+                velocities=self._velocity[: self._rows],
+                slots=self._slot[: self._rows],
+                flying=self._flying[: self._rows],
+                obstacles=self._obstacles,
+                goal_x=self._goal_x,
+                tick_s=TICK_S,
+            )
 
 
 def _double(rows: NDArray[_Kind]) -> NDArray[_Kind]:

@@ -19,6 +19,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from protocols.dynamics import ABSURD_MPS2, TICK_S
+from protocols.errors import BrokenError
 from protocols.mission.document import Mission
 from protocols.wire import messages
 from protocols.wire.sensed import SensedPacker
@@ -36,7 +37,7 @@ _SNAPSHOT_S = 0.125
 _SIZE_SAMPLE = 20_000
 
 
-class ServerError(RuntimeError):
+class ServerError(BrokenError, RuntimeError):
     """The flight could not be run; one line says why."""
 
 

@@ -6,6 +6,8 @@ Needs matplotlib (``pip install 'rsc-swarm[plot]'``), which nothing else does.
 from pathlib import Path
 from typing import Any
 
+from protocols.errors import SwarmError
+
 INK, FAINT, ROCK, ALARM, GRID = "#1f2933", "#9aa5b1", "#52606d", "#d64545", "#e4e7eb"
 LINES = (
     "#2363b8",
@@ -17,7 +19,7 @@ LINES = (
 )  # told apart also by colour-blind eyes
 
 
-class PlotError(RuntimeError):
+class PlotError(SwarmError, RuntimeError):
     """No picture can be made; one line says why."""
 
 

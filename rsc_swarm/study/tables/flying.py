@@ -11,9 +11,10 @@ from pathlib import Path
 from agent.policy import PolicyError
 from protocols.mission.document import Mission, MissionError
 from rsc_swarm.cli.options import resolve
-from rsc_swarm.show.progress import TICKS_GUESS, Flights, Gauge
+from rsc_swarm.show.progress import Meter
 from rsc_swarm.study.evaluate import evaluate, journal_path, summarise
 from rsc_swarm.study.finished import FinishedFlights, fingerprint
+from rsc_swarm.study.progress import TICKS_GUESS, Flights
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import RowResult, TableError, row_result
 from rsc_swarm.study.tables.rows import Row
@@ -70,10 +71,10 @@ def fly(
     seeds: list[Seeds],
     starts: int,
     workers: int,
-    gauge: Gauge,
+    meter: Meter,
     landed: Callable[[RowResult], None],
 ) -> None:
-    """Fly all ``jobs``, showing them on one ``gauge``; ``landed`` is told of each row as it is complete.
+    """Fly all ``jobs``, showing them on one ``meter``; ``landed`` is told of each row as it is complete.
 
     Raises:
         rsc_swarm.study.workers.WorkerError, rsc_swarm.study.finished.FinishedFlightsError: as evaluate.
@@ -83,7 +84,7 @@ def fly(
     for number, job in enumerate(jobs, 1):
         label = f"row {number} of {len(jobs)}, {job.row.key}: "
         guess = TICKS_GUESS * job.mission.ticks
-        watcher = Flights(guess, gauge, label, done / total, job.work / total)
+        watcher = Flights(guess, meter, label, done / total, job.work / total)
         flown = evaluate(job.mission, seeds, workers, job.journal, watcher)
         done += job.work
         result = summarise(job.mission, flown, starts, job.code)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from agent.policy.model_file import SHIPPED
 from protocols.mission.document import Mission, MissionError
+from protocols.whole_file import write_whole
 from rsc_swarm.batch.batch import check_flyable
-from rsc_swarm.flight.run_dir import write_whole
 from rsc_swarm.study.tables.result import Accuracy
 from rsc_swarm.study.workers import Seeds, WorkerError
 

@@ -8,13 +8,14 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from protocols.errors import SwarmError
+from protocols.whole_file import write_whole
 from rsc_swarm.cli.options import command_line
-from rsc_swarm.flight.run_dir import write_whole
 from rsc_swarm.study.evaluate import Evaluation
 from rsc_swarm.study.tables.rows import TABLES, Paper, Row, Table
 
 
-class TableError(RuntimeError):
+class TableError(SwarmError, RuntimeError):
     """A table cannot be read or written; one line says why."""
 
 
@@ -155,14 +156,11 @@ def write_table(folder: Path, result: TableResult, markdown: str) -> None:
     """Write the table as JSON, CSV and Markdown.
 
     Raises:
-        TableError: the folder cannot be written.
+        protocols.whole_file.WriteError: the folder cannot be written.
     """
     texts = {"json": result.model_dump_json(indent=1) + "\n", "csv": as_csv(result), "md": markdown}
-    try:
-        for ending, text in texts.items():
-            write_whole(path_of(folder, result.table, ending), text)
-    except OSError as error:
-        raise TableError(f"--out {folder}: cannot be written ({error.strerror})") from None
+    for ending, text in texts.items():
+        write_whole(path_of(folder, result.table, ending), text)
 
 
 def as_csv(result: TableResult) -> str:

@@ -1,0 +1,46 @@
+"""Files that are complete or not there, whatever happens while they are written."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from protocols.errors import BrokenError
+
+
+class WriteError(BrokenError):
+    """A file cannot be written, because the disk is full, say; what was under its name before is untouched."""
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write; at the end of the ``with`` block it is on the disk and takes the name ``path``.
+
+    If the block raises, ``path`` stays as it was.
+
+    Raises:
+        WriteError: one line names the file and says why.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            with partial.open("wb") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write ``content`` (text as UTF-8) as a `whole_file`.
+
+    Raises:
+        WriteError: one line names the file and says why.
+    """
+    with whole_file(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)

@@ -1,0 +1,30 @@
+"""``rsc-swarm agent``: one drone alone, as on its companion computer."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsc_swarm.cli.app import announce_compiling, app, examples
+
+
+@app.command(epilog=examples("agent --agent 0 --connect tcp/192.168.1.10:7447 --credentials agent-0.json"))
+def agent(
+    agent: Annotated[int, typer.Option(metavar="I", min=0, help="Which drone this is.")],
+    connect: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where the world listens.")],
+    credentials: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE", exists=True, dir_okay=False, help="This drone's, as written by the world."
+        ),
+    ],
+) -> None:
+    """Run one drone alone; it gets its mission from the world."""
+    announce_compiling()
+    from rsc_swarm.flight.launch import fly_agent
+
+    def say(seconds: float) -> None:
+        typer.echo(f"agent {agent}: ready after {seconds:.2f} s", err=True)
+
+    reason = fly_agent(agent, connect, credentials, say)
+    typer.echo(f"agent {agent}: {reason}", err=True)

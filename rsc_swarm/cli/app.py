@@ -1,0 +1,67 @@
+"""What all commands share: the application, options that several of them take, and the look of their help."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from protocols.errors import ExitCode
+from rsc_swarm.cli.options import Clock
+
+app = typer.Typer(
+    name="rsc-swarm",
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Fly a swarm of drones in rigid formation, every drone a process of its own.",
+    epilog=f"Exit codes: {ExitCode.SUCCEEDED:d} the flight succeeded, {ExitCode.FAILED:d} it failed, "
+    f"{ExitCode.BAD_USAGE:d} bad usage or mission, {ExitCode.BROKEN:d} the run itself broke, "
+    f"{ExitCode.INTERRUPTED:d} stopped by Ctrl-C. "
+    "Begin with [bold]rsc-swarm simulate[/] or [bold]rsc-swarm launch[/].",
+)
+
+JsonFile = Annotated[
+    str | None,
+    typer.Option(
+        "--json", metavar="FILE", help="Write the report as JSON; - for stdout, and nothing else there."
+    ),
+]
+RunFolder = Annotated[
+    Path | None,
+    typer.Option("--run-dir", metavar="DIR", help="Keep mission, report, all paths and the logs here."),
+]
+ClockOption = Annotated[
+    Clock, typer.Option(help="As fast as the machine can and repeatable, or 100 Hz on the wall clock.")
+]
+
+
+def examples(*lines: str) -> str:
+    """The end of a command's help."""
+    return "[bold]Examples[/]\n\n" + "\n\n".join(f"[cyan]rsc-swarm {line}[/]" for line in lines)
+
+
+def announce_compiling() -> None:
+    """Say so if the first thing this command does will be to compile."""
+    from agent.tick import before_policy
+    from protocols.kernels import is_kept
+
+    if not is_kept(before_policy):
+        typer.echo("compiling flight kernels, once (about a minute)...", err=True)
+
+
+def print_version(wanted: bool) -> None:
+    """The ``--version`` option."""
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"rsc-swarm {version('rsc-swarm')}")
+        raise typer.Exit(ExitCode.SUCCEEDED)
+
+
+@app.callback()
+def _swarm(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=print_version)
+    ] = False,
+) -> None:
+    pass

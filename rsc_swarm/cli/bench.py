@@ -1,0 +1,36 @@
+"""``rsc-swarm bench``: what this machine does."""
+
+from typing import Annotated
+
+import typer
+
+from protocols.errors import ExitCode
+from rsc_swarm.cli.app import JsonFile, announce_compiling, app, examples
+
+
+@app.command(epilog=examples("bench", "bench --agents 100 --quick"))
+def bench(
+    agents: Annotated[int, typer.Option("--agents", "-n", help="Number of drones.")] = 25,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter runs, rougher figures.")] = False,
+    twins: Annotated[
+        int, typer.Option(help="Instead: fly so many maps in real processes and in one, and compare digests.")
+    ] = 0,
+    json: JsonFile = None,
+) -> None:
+    """Measure this machine: ticks per second, start-up, memory."""
+    announce_compiling()
+    from json import dumps
+
+    from rsc_swarm.bench import bench as benches
+    from rsc_swarm.cli.output import JsonOutput
+
+    output = JsonOutput(json)
+    if twins:
+        flown = benches.twins(agents, twins, lambda line: typer.echo(line, err=True))
+        output.write(dumps(flown, indent=2))
+        counts = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in flown.items())
+        typer.echo(counts, file=output.beside)
+        raise typer.Exit(ExitCode.SUCCEEDED if flown["equal_digests"] == twins else ExitCode.FAILED)
+    figures = benches.bench(agents, quick, lambda line: typer.echo(f"measuring {line}...", err=True))
+    output.write(dumps(figures, indent=2))
+    typer.echo(benches.render(figures), file=output.beside)

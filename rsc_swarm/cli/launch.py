@@ -1,0 +1,40 @@
+"""``rsc-swarm launch``: the world and every drone as processes of their own."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from rsc_swarm.cli.app import ClockOption, JsonFile, RunFolder, announce_compiling, app, examples
+from rsc_swarm.cli.options import Clock, MissionOptions, with_options
+
+if TYPE_CHECKING:
+    from rsc_swarm.cli.fly import Flight, Told
+
+
+@app.command(
+    epilog=examples(
+        "launch", "launch --agents 100 --clock realtime", "launch --mission restart --run-dir flights/2"
+    )
+)
+@with_options
+def launch(
+    options: MissionOptions,
+    clock: ClockOption = Clock.lockstep,
+    json: JsonFile = None,
+    run_dir: RunFolder = None,
+) -> None:
+    """Fly once, for real: the world and every drone as processes of their own that talk over Zenoh."""
+    announce_compiling()
+    from rsc_swarm.cli.fly import fly_once
+
+    raise typer.Exit(fly_once("launch", _fly, options, clock, json, run_dir))
+
+
+def _fly(flight: "Flight") -> "Told":
+    from rsc_swarm.cli.fly import Told
+    from rsc_swarm.flight.launch import launch
+
+    place = flight.folder.path if flight.folder else None
+    flight.view.doing(f"starting {flight.mission.agents + 1} processes")
+    launched = launch(flight.mission, flight.clock.value, place, flight.view.update, weigh=True)
+    return Told(launched.flown, launched.first_tick_s, launched.pss_mb)

@@ -1,0 +1,58 @@
+"""``rsc-swarm world``: the world alone, for drones that are started elsewhere."""
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsc_swarm.cli.app import ClockOption, JsonFile, RunFolder, announce_compiling, app, examples
+from rsc_swarm.cli.options import Clock, MissionOptions, with_options
+
+if TYPE_CHECKING:
+    from rsc_swarm.cli.fly import Flight, Told
+
+
+@app.command(epilog=examples("world --listen tcp/0.0.0.0:7447 --credentials-dir keys --agents 4"))
+@with_options
+def world(
+    options: MissionOptions,
+    listen: Annotated[
+        list[str], typer.Option(metavar="ENDPOINT", help="Where drones reach it; may be repeated.")
+    ],
+    credentials_dir: Annotated[
+        Path,
+        typer.Option(
+            metavar="DIR", help="Where to put a credentials file per drone, to copy to its machine."
+        ),
+    ],
+    clock: ClockOption = Clock.lockstep,
+    json: JsonFile = None,
+    run_dir: RunFolder = None,
+    join_s: Annotated[float, typer.Option(min=1, help="How long to wait for all drones to arrive.")] = 120.0,
+) -> None:
+    """Run the world alone, for drones on other machines."""
+    announce_compiling()
+    from rsc_swarm.cli.fly import fly_once
+
+    fly = partial(_fly, listen, credentials_dir, join_s)
+    again = {"listen": listen, "credentials_dir": credentials_dir}
+    raise typer.Exit(fly_once("world", fly, options, clock, json, run_dir, again))
+
+
+def _fly(listen: list[str], credentials: Path, join_s: float, flight: "Flight") -> "Told":
+    from rsc_swarm.cli.fly import Told
+    from rsc_swarm.flight.launch import serve_world
+    from world.outlets.recorder import Recorder
+
+    mission = flight.mission
+    recorder = Recorder(mission)
+    flight.view.say(
+        f"waiting for {mission.agents} agents at {', '.join(listen)}; credentials are in {credentials}"
+    )
+    flown = serve_world(
+        mission, flight.clock.value, listen, credentials, flight.view.update, recorder.record, join_s
+    )
+    if flight.folder:
+        recorder.save(flight.folder.trajectory)
+    return Told(flown)

@@ -1,0 +1,49 @@
+"""A file is complete or not there, and a disk that is full is one line."""
+
+import errno
+import os
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from protocols.whole_file import WriteError, whole_file, write_whole
+
+
+def test_text_and_bytes_land_under_their_name(tmp_path: Path) -> None:
+    write_whole(tmp_path / "a.json", "µ\n")
+    write_whole(tmp_path / "b.bin", b"\x00\xff")
+    assert (tmp_path / "a.json").read_bytes() == "µ\n".encode()
+    assert (tmp_path / "b.bin").read_bytes() == b"\x00\xff"
+    assert sorted(os.listdir(tmp_path)) == ["a.json", "b.bin"]
+
+
+def test_who_is_interrupted_in_mid_file_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "report.json"
+    write_whole(path, "old")
+    with suppress(KeyboardInterrupt), whole_file(path) as file:
+        file.write(b"half of the n")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["report.json"]
+
+
+def test_a_full_disk_is_one_line_and_costs_only_the_new_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = tmp_path / "report.json"
+    write_whole(path, "old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(WriteError) as caught:
+        write_whole(path, "new")
+    assert str(caught.value) == f"{path}: cannot be written (No space left on device)"
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["report.json"]
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(WriteError, match=r"nowhere/x: cannot be written \(No such file or directory\)"):
+        write_whole(tmp_path / "nowhere" / "x", "")
