@@ -34,7 +34,7 @@ from world.server.session import Clock, Flown, NoControl, ServerError, WorldServ
 
 _GRACE_S = 2.0
 _WORLD = "world"
-_POLICY_WENT_WRONG = int(ExitCode.BAD_USAGE)  # a drone's exit code; the last line of its log says what happened
+_POLICY_WENT_WRONG = int(ExitCode.BAD_USAGE)  # of a drone; the last line of its log says what happened
 
 
 class RunBroken(BrokenError, RuntimeError):
