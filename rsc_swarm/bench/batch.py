@@ -7,11 +7,14 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
 from multiprocessing import get_context
 from typing import Any
 
 from protocols.mission.document import Mission
 from rsc_swarm.batch.batch import Batch
+from rsc_swarm.study.workers import be_worker
 
 _WORLDS = 48  # episodes that one process flies in step
 _VMAS = """
@@ -41,10 +44,9 @@ def bench_batch(agents: int, quick: bool) -> dict[str, Any]:
     batches = 1 if quick else 4
     processors = len(os.sched_getaffinity(0))
     _fly(agents, 0)  # loads the kernels before the fork
-    context = get_context("fork")
     began = time.perf_counter()
-    with context.Pool(processors) as pool:
-        steps = pool.starmap(_fly, [(agents, 1 + number) for number in range(batches * processors)])
+    with ProcessPoolExecutor(processors, get_context("fork"), be_worker) as pool:
+        steps = list(pool.map(_fly, repeat(agents), range(1, 1 + batches * processors)))
     spent = time.perf_counter() - began
     return {
         "episodes_per_s": len(steps) * _WORLDS / spent,

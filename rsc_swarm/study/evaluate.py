@@ -7,7 +7,8 @@ judged on maps it was made for.
 
 import math
 import os
-from contextlib import nullcontext
+from concurrent.futures import Executor
+from contextlib import closing, nullcontext
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
@@ -155,11 +156,13 @@ def evaluate(
     workers: int,
     journal: Path | None = None,
     watcher: Watcher | None = None,
+    executor: Executor | None = None,
 ) -> list[Flight]:
     """Fly ``mission`` once per pair of seeds; the flights in the order of ``seeds``.
 
     Args:
         journal: keeps finished flights; those it already has are not flown again.
+        executor: flies instead of ``workers`` processes of this machine.
 
     Raises:
         WorkerError, FinishedFlightsError, and as rsc_swarm.flight.simulate.Simulation.
@@ -168,14 +171,16 @@ def evaluate(
     with FinishedFlights(journal) if journal else nullcontext() as book:
         flights = {pair: book.flights[pair] for pair in seeds if pair in book.flights} if book else {}
         watcher.begin(list(flights.values()), len(seeds) - len(flights))
-        for said in fly_all(mission, [pair for pair in seeds if pair not in flights], workers):
-            if isinstance(said, int):
-                watcher.ticks(said)
-                continue
-            flights[said.map_seed, said.seed] = said
-            if book:
-                book.add(said)
-            watcher.flight(said)
+        missing = [pair for pair in seeds if pair not in flights]
+        with closing(fly_all(mission, missing, workers, executor)) as flying:
+            for said in flying:
+                if isinstance(said, int):
+                    watcher.ticks(said)
+                    continue
+                flights[said.map_seed, said.seed] = said
+                if book:
+                    book.add(said)
+                watcher.flight(said)
     return [flights[pair] for pair in seeds]
 
 

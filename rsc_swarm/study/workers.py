@@ -1,19 +1,20 @@
-"""A crew of worker processes that fly batches of missions, and hand over every flight the moment it ends.
+"""Many flights on many processes: batches of missions, every flight handed over the moment it ends.
 
-Workers are forked once the kernels are loaded, so they start at once. They ignore Ctrl-C: whoever hired them
-ends them.
+The processes are a pool of ``concurrent.futures``; any other executor can stand in for it. Ours are forked once the kernels are
+loaded, so they start at once and share them. They ignore Ctrl-C: they leave as soon as nobody listens any more.
 """
 
-import os
+import ctypes
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
-from typing import Any
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Lock
 
-from agent.policy import PolicyError
-from protocols.errors import BrokenError
+from protocols.errors import BrokenError, SwarmError
 from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
@@ -27,6 +28,8 @@ Seeds = tuple[int, int]  # map seed, start seed
 _TELL_EVERY = 50  # ticks
 # Drones flown in step by one worker: more would be no faster, and flights would end in larger bunches.
 _ROWS = 150
+_LISTEN_S = 0.05
+_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,40 @@ class Flight:
 
 
 class WorkerError(BrokenError, RuntimeError):
-    """A worker died or could not fly; one line says which and why."""
+    """A worker died or could not fly; one line says why."""
+
+
+# --- in a worker -------------------------------------------------------------------------------------------
+
+_told: tuple[Connection, Lock] | None = None  # where this process tells what it flies; None: it returns it
+
+
+def be_worker() -> None:
+    """Begin as a forked worker: Ctrl-C is for who forked it, and it does not outlive that one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def _enlist(reader: Connection, writer: Connection, lock: Lock) -> None:
+    """Begin as a worker that tells through ``writer``; telling fails as soon as nobody has the other end any more."""
+    global _told
+    be_worker()
+    reader.close()
+    _told = writer, lock
+
+
+def fly_seeds(mission: Mission, seeds: list[Seeds]) -> list[Flight]:
+    """Fly ``mission`` once per pair of seeds; the flights that were not told otherwise."""
+    flights = []
+    for said in fly_batch(mission, seeds):
+        if _told:
+            writer, lock = _told
+            with lock:
+                writer.send(said)
+        elif isinstance(said, Flight):
+            flights.append(said)
+    return flights
 
 
 def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
@@ -87,17 +123,16 @@ def _missions(mission: Mission, seeds: list[Seeds]) -> list[Mission]:
     return missions
 
 
-def _rehearse(mission: Mission, seeds: Seeds) -> None:
-    """Load every kernel, but nothing that must not be forked."""
-    missions = _missions(mission, [seeds])
-    if mission.policy == EXPERT:
-        Batch(missions).fly(1)
-    else:
-        Simulation(missions, rehearsal=True).tick()
+# --- who hires them ----------------------------------------------------------------------------------------
 
 
-def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flight | int]:
+def fly_all(
+    mission: Mission, seeds: list[Seeds], workers: int, executor: Executor | None = None
+) -> Generator[Flight | int]:
     """`fly_batch` for many seeds on ``workers`` processes.
+
+    Args:
+        executor: flies instead of processes forked here; flights are then told when their batch has ended.
 
     Raises:
         WorkerError: a worker died or broke. protocols.mission.document.MissionError: the expert cannot fly this.
@@ -107,81 +142,56 @@ def fly_all(mission: Mission, seeds: list[Seeds], workers: int) -> Iterator[Flig
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     if not batches:
         return
-    _rehearse(mission, seeds[0])
-    crew = [_Worker(mission, number) for number in range(min(workers, len(batches)))]
     try:
-        for worker in crew:
-            worker.pipe.send(batches.pop(0))
-        busy = {worker.pipe: worker for worker in crew}
-        while busy:
-            for pipe in wait(list(busy)):
-                assert isinstance(pipe, Connection)
-                worker = busy[pipe]
-                said = worker.hear()
-                if said is not None:
-                    yield said
-                elif batches:
-                    pipe.send(batches.pop(0))
-                else:
-                    del busy[pipe]
+        if executor:
+            for future in as_completed([executor.submit(fly_seeds, mission, batch) for batch in batches]):
+                yield from future.result()
+        else:
+            _rehearse(mission, seeds[0])
+            yield from _fly_forked(mission, batches, min(workers, len(batches)))
+    except (SwarmError, GeneratorExit):
+        raise
+    except BrokenProcessPool:
+        raise WorkerError("a worker died; run it again to go on") from None
+    except Exception as error:
+        raise WorkerError(
+            f"a worker broke: {type(error).__name__}: {' '.join(str(error).split())}"
+        ) from error
+
+
+def _rehearse(mission: Mission, seeds: Seeds) -> None:
+    """Load every kernel, but nothing that must not be forked."""
+    missions = _missions(mission, [seeds])
+    if mission.policy == EXPERT:
+        Batch(missions).fly(1)
+    else:
+        Simulation(missions, rehearsal=True).tick()
+
+
+def _fly_forked(mission: Mission, batches: list[list[Seeds]], workers: int) -> Iterator[Flight | int]:
+    context = get_context("fork")
+    reader, writer = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, context, _enlist, (reader, writer, context.Lock()))
+    try:
+        flying = {pool.submit(fly_seeds, mission, batch) for batch in batches}  # the first one forks
+        writer.close()
+        yield from _hear(reader, flying)
     finally:
-        for worker in crew:
-            worker.dismiss()
+        reader.close()
+        pool.shutdown(cancel_futures=True)
 
 
-class _Worker:
-    def __init__(self, mission: Mission, number: int) -> None:
-        context = get_context("fork")
-        self.pipe, theirs = context.Pipe()
-        self.number = number
-        self._process = context.Process(
-            target=_work, args=(theirs, mission), name=f"flyer-{number}", daemon=True
-        )
-        self._process.start()
-        theirs.close()
-
-    def hear(self) -> Any:
-        """What the worker says next: a flight, ticks flown, or None for the end of its batch."""
+def _hear(reader: Connection, flying: set[Future[list[Flight]]]) -> Iterator[Flight | int]:
+    """What the workers tell until all batches have been flown."""
+    while flying:
+        patience = 0.0
         try:
-            said = self.pipe.recv()
-        except (EOFError, ConnectionResetError):
-            self._process.join(1.0)
-            raise WorkerError(
-                f"worker {self.number} died (exit code {self._process.exitcode}); run it again to go on"
-            ) from None
-        if isinstance(said, Exception):
-            raise said
-        if isinstance(said, str):
-            raise WorkerError(f"worker {self.number} broke: {said}")
-        return said
-
-    def dismiss(self) -> None:
-        self.pipe.close()
-        self._process.terminate()
-        self._process.join()
-
-
-def _work(pipe: Connection, mission: Mission) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    parent = os.getppid()
-    try:
-        while True:
-            while not pipe.poll(1.0):
-                if os.getppid() != parent:
-                    return
-            batch: list[Seeds] = pipe.recv()
-            try:
-                for said in fly_batch(mission, batch):
-                    pipe.send(said)
-                    if os.getppid() != parent:
-                        return
-            except (FieldError, PolicyError) as error:
-                pipe.send(error)
-                return
-            except Exception as error:
-                pipe.send(f"{type(error).__name__}: {' '.join(str(error).split())}")
-                return
-            pipe.send(None)
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        return  # nobody listens any more
+            while reader.poll(_LISTEN_S):
+                yield reader.recv()
+        except EOFError:  # no worker is left
+            patience = 10.0
+        ended, flying = wait(flying, patience)
+        for future in ended:
+            future.result()
+    while reader.poll():
+        yield reader.recv()

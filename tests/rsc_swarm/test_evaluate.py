@@ -3,8 +3,11 @@
 import json
 import os
 import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import psutil
 import pytest
 
 from protocols.mission.document import Mission, MissionError
@@ -92,6 +95,11 @@ def test_workers_fly_every_seed_once_and_alike(tmp_path):
     assert one == two
 
 
+def test_any_executor_can_stand_in_for_the_processes():
+    with ThreadPoolExecutor(1) as pool:
+        assert evaluate(SHORT, SEEDS, 2, executor=pool) == evaluate(SHORT, SEEDS, 1)
+
+
 def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(crew, "_ROWS", 4)  # one flight per batch
     path = tmp_path / "journal.jsonl"
@@ -164,8 +172,22 @@ def test_a_dead_worker_is_an_error_and_not_a_silence(monkeypatch):
         os.kill(os.getpid(), signal.SIGKILL)
 
     monkeypatch.setattr(crew, "fly_batch", die)
-    with pytest.raises(WorkerError, match="worker 0 died"):
+    with pytest.raises(WorkerError, match="a worker died; run it again to go on"):
         list(fly_all(SHORT, SEEDS, 1))
+
+
+def test_workers_leave_in_mid_flight_when_nobody_listens_any_more():
+    def children() -> int:
+        return len(psutil.Process().children())
+
+    before, begin = children(), time.monotonic()
+    long = SHORT.model_copy(update={"time_limit_s": 3600.0, "policy": "cruise", "goal_x_m": 1e6})
+    flying = fly_all(long, SEEDS, 2)
+    assert isinstance(next(flying), int)
+    assert children() == before + 2
+    flying.close()
+    assert children() == before
+    assert time.monotonic() - begin < 60
 
 
 def test_a_map_without_room_is_named():

@@ -1,9 +1,9 @@
 """How well a row's model foretells the expert, measured once and kept beside the row's flights."""
 
-import signal
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from agent.policy.model_file import SHIPPED
@@ -11,7 +11,7 @@ from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import write_whole
 from rsc_swarm.batch.batch import check_flyable
 from rsc_swarm.study.tables.result import Accuracy
-from rsc_swarm.study.workers import Seeds, WorkerError
+from rsc_swarm.study.workers import Seeds, WorkerError, be_worker
 
 _MAPS = 20  # the error is a mean over thousands of plans, so a few maps are enough
 
@@ -43,29 +43,18 @@ def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accu
 
 def _in_child(model: Path, mission: Mission, maps: list[int]) -> Accuracy:
     """Measure in a process of its own: one that has run a model must not be forked, and the next row forks."""
-    context = get_context("fork")
-    ours, theirs = context.Pipe(duplex=False)
-    child = context.Process(target=_measure, args=(theirs, model, mission, maps), daemon=True)
-    child.start()
-    theirs.close()
-    try:
-        said = ours.recv()
-    except EOFError:
-        child.join(1.0)
-        said = f"it died (exit code {child.exitcode})"
-    finally:
-        child.terminate()
-        child.join()
-    if isinstance(said, str):
-        raise WorkerError(f"measuring the accuracy of {model.stem}: {said}")
-    return Accuracy(model_m=said[0], constant_velocity_m=said[1])
+    with ProcessPoolExecutor(1, get_context("fork"), be_worker) as pool:
+        try:
+            model_m, constant_m = pool.submit(_measure, model, mission, maps).result()
+        except BrokenProcessPool:
+            raise WorkerError(f"measuring the accuracy of {model.stem}: the process died") from None
+        except Exception as error:
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            raise WorkerError(f"measuring the accuracy of {model.stem}: {said}") from error
+    return Accuracy(model_m=model_m, constant_velocity_m=constant_m)
 
 
-def _measure(pipe: Connection, model: Path, mission: Mission, maps: list[int]) -> None:
+def _measure(model: Path, mission: Mission, maps: list[int]) -> tuple[float, float]:
     from rsc_swarm.study.accuracy import mae
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        pipe.send(mae(model, mission, maps))
-    except Exception as error:
-        pipe.send(f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return mae(model, mission, maps)
