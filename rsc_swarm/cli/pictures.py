@@ -10,8 +10,9 @@ from protocols.mission.document import Mission, parse_mission, read_mission_fiel
 from rsc_swarm.cli.options import MissionOptions, chosen, flag, resolve
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.show.plots.curves import draw_curves, draw_horizons
-from rsc_swarm.show.plots.flight import Track, draw, load_track
+from rsc_swarm.show.plots.flight import Track, draw
 from rsc_swarm.show.plots.style import PlotError
+from world.outlets.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,13 @@ def _draw(options: MissionOptions, out: Path, subject: Subject) -> str:
         draw_curves(subject.curve, out)
         return f"{len(subject.curve)} training{'s' if len(subject.curve) > 1 else ''}"
     if subject.run_dir:
-        flights = [_recorded(RunDir(subject.run_dir))]
+        tracks = [_recorded(RunDir(subject.run_dir))]
     elif subject.compare:
-        flights = [_flown(mission) for mission in _sizes(options, subject.compare)]
+        tracks = [_flown(mission) for mission in _sizes(options, subject.compare)]
     else:
-        flights = [_flown(resolve(options))]
-    draw(flights, out)
-    return "; ".join(track.verdict for track, _ in flights)
+        tracks = [_flown(resolve(options))]
+    draw(tracks, out)
+    return "; ".join(track.verdict for track in tracks)
 
 
 def _sizes(options: MissionOptions, compare: str) -> list[Mission]:
@@ -81,28 +82,20 @@ def _sizes(options: MissionOptions, compare: str) -> list[Mission]:
     return [resolve(replace(options, agents=size)) for size in sizes]
 
 
-def _flown(mission: Mission) -> tuple[Track, Mission]:
+def _flown(mission: Mission) -> Track:
     from rsc_swarm.flight.in_process import fly
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.npz"
         outcome = fly(mission, trajectory=path).outcome
-        verdict = _verdict(mission, outcome.failure, outcome.tau_s)
-        return load_track(path, outcome.tau_s, outcome.failure, verdict), mission
+        return Track(mission, Trajectory.load(path), outcome.tau_s, outcome.failure)
 
 
-def _recorded(folder: RunDir) -> tuple[Track, Mission]:
+def _recorded(folder: RunDir) -> Track:
     folder.check()
     mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
     tau, failure = None, "interrupted"
     if folder.report.is_file():
         report = json.loads(folder.report.read_text(encoding="utf-8"))
         tau, failure = report["tau_s"], report["failure"]
-    return load_track(folder.trajectory, tau, failure, _verdict(mission, failure, tau)), mission
-
-
-def _verdict(mission: Mission, failure: str | None, tau_s: float | None) -> str:
-    drones = "1 drone" if mission.agents == 1 else f"{mission.agents} drones"
-    if failure is None:
-        return f"{drones}, in formation after {tau_s:.1f} s"
-    return f"{drones}: {failure.replace('-', ' ')}"
+    return Track(mission, Trajectory.load(folder.trajectory), tau, failure)

@@ -13,11 +13,13 @@ from rsc_swarm.cli.pictures import Subject
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.show.plots.curves import read_curve
-from rsc_swarm.show.plots.flight import Track, _collision, _edges, draw, load_track
+from rsc_swarm.show.plots.events import collision_place
+from rsc_swarm.show.plots.flight import Track, _edges, draw
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
 from rsc_swarm.study.tables.rows import Paper
+from world.outlets.trajectory import Trajectory, TrajectoryError
 
 pytest.importorskip("matplotlib")
 
@@ -27,7 +29,7 @@ PNG = b"\x89PNG\r\n"
 def flown(tmp_path, mission: Mission) -> Track:
     path = tmp_path / "trajectory.npz"
     outcome = fly(mission, trajectory=path).outcome
-    return load_track(path, outcome.tau_s, outcome.failure, "a flight")
+    return Track(mission, Trajectory.load(path), outcome.tau_s, outcome.failure)
 
 
 def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
@@ -38,17 +40,17 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
         faults=[{"at_s": 1.5, "kind": "kill", "agents": [2]}],
     )
     track = flown(tmp_path, mission)
-    assert np.diff(track.slots, axis=0).any()
+    assert np.diff(track.path.slots, axis=0).any()
     for name in ("flight.png", "flight.svg"):
-        draw([(track, mission)], tmp_path / name)
+        draw([track], tmp_path / name)
     assert (tmp_path / "flight.png").read_bytes().startswith(PNG)
 
 
 def test_only_edges_between_flying_drones_are_drawn(tmp_path):
     mission = Mission(agents=9, time_limit_s=1.0, faults=[{"at_s": 0.5, "kind": "kill", "slots": [4]}])
     track = flown(tmp_path, mission)
-    assert len(_edges(track, mission.plan, 0)) == 8
-    assert len(_edges(track, mission.plan, -1)) == 8 - sum(4 in edge for edge in mission.plan.edges)
+    assert len(_edges(track.path, mission.plan, 0)) == 8
+    assert len(_edges(track.path, mission.plan, -1)) == 8 - sum(4 in edge for edge in mission.plan.edges)
 
 
 def test_a_collision_is_marked_where_it_was(tmp_path):
@@ -58,9 +60,9 @@ def test_a_collision_is_marked_where_it_was(tmp_path):
     )
     track = flown(tmp_path, mission)
     assert track.failure == "collision"
-    x, y = _collision(track)
+    x, y = collision_place(track.path)
     assert np.hypot(x - 12.0, y) - 2.0 == pytest.approx(0.5, abs=0.1)
-    draw([(track, mission)], tmp_path / "crash.png")
+    draw([track], tmp_path / "crash.png")
 
 
 def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
@@ -85,8 +87,8 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
             MissionOptions(agents=1, set=["time_limit_s=0.1"]), tmp_path / "flight.xyz", Subject()
         )
     (tmp_path / "bad.npz").write_text("not a flight")
-    with pytest.raises(PlotError, match="is not a recorded flight"):
-        load_track(tmp_path / "bad.npz", None, None, "")
+    with pytest.raises(TrajectoryError, match="is not a recorded flight"):
+        Trajectory.load(tmp_path / "bad.npz")
 
 
 def test_two_sizes_are_drawn_to_one_scale(tmp_path, capsys):
@@ -143,4 +145,4 @@ def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
     track = flown(tmp_path, Mission(agents=1, time_limit_s=0.1))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(PlotError, match=r"pip install 'rsc-swarm\[plot\]'"):
-        draw([(track, Mission(agents=1))], tmp_path / "x.png")
+        draw([track], tmp_path / "x.png")

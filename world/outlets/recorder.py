@@ -1,7 +1,4 @@
-"""The recorder: every drone's path through one world, one row per tick, for pictures and for looking again.
-
-Row t holds the state at the beginning of tick t, so row 0 is the start and the last row is the end.
-"""
+"""The recorder: every drone's path through one world, one row per tick, for pictures and for looking again."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -11,8 +8,8 @@ from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from protocols.whole_file import whole_file
 from world.core import WorldCore
+from world.outlets.trajectory import Trajectory
 
 _Kind = TypeVar("_Kind", bound=np.generic)
 
@@ -47,23 +44,22 @@ class Recorder:
         self._slot[row], self._flying[row] = core.claim[world], core.flying[world]
         self._rows += 1
 
+    @property
+    def trajectory(self) -> Trajectory:
+        """All rows kept so far."""
+        kept = slice(self._rows)
+        return Trajectory(
+            self._position[kept], self._velocity[kept], self._slot[kept], self._flying[kept], self._obstacles,
+            self._goal_x, TICK_S,
+        )  # fmt: skip
+
     def save(self, path: Path) -> None:
         """Write all rows to an ``.npz`` file; the file is complete or it is not there.
 
         Raises:
             protocols.whole_file.WriteError: it cannot be written.
         """
-        with whole_file(path) as file:
-            np.savez_compressed(
-                file,
-                positions=self._position[: self._rows],
-                velocities=self._velocity[: self._rows],
-                slots=self._slot[: self._rows],
-                flying=self._flying[: self._rows],
-                obstacles=self._obstacles,
-                goal_x=self._goal_x,
-                tick_s=TICK_S,
-            )
+        self.trajectory.save(path)
 
 
 def _double(rows: NDArray[_Kind]) -> NDArray[_Kind]:

@@ -3,6 +3,7 @@
 Needs matplotlib (``pip install 'rsc-swarm[plot]'``), which nothing else does.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,31 @@ def bare(axes: Any) -> None:
     axes.yaxis.label.set_color(ROCK)
     axes.grid(color=GRID, lw=0.6, zorder=0)
     axes.set_axisbelow(True)
+
+
+def number(
+    axes: Any,
+    value: int,
+    place: Sequence[float],
+    colour: str = INK,
+    halo: str = "white",
+    centred: bool = False,
+) -> None:
+    """Write the number of a drone or an obstacle: beside ``place`` (m), where no edge of a formation runs, or on it."""
+    from matplotlib.patheffects import withStroke
+
+    axes.annotate(
+        str(value), (float(place[0]), float(place[1])), (0, 0) if centred else (4, 4), textcoords="offset points",
+        ha="center" if centred else "left", va="center" if centred else "bottom", fontsize=7.5, color=colour,
+        path_effects=[withStroke(linewidth=2.0, foreground=halo)], annotation_clip=True, zorder=10,
+    )  # fmt: skip
+
+
+def key(label: str, **style: Any) -> Any:
+    """An entry of a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)
 
 
 def save(figure: Any, out: Path) -> None:

@@ -1,0 +1,229 @@
+"""The public door: what ``import rsc_swarm as rs`` offers. Every name is told in docs/api.md.
+
+Missions are frozen documents; a flight is a function of its mission, so whatever is flown here has the digest that
+``rsc-swarm simulate`` and ``rsc-swarm launch`` have for it. Metres, seconds; x forward, y left.
+"""
+
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal, overload
+
+import yaml
+
+from agent.policy import Policy, PolicyError, Seen
+from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
+from rsc_swarm.cli.options import mission_path
+from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.show.plots.flight import Track
+from rsc_swarm.show.plots.flight import draw as draw_tracks
+from rsc_swarm.show.report import FlightReport, report_of
+from rsc_swarm.study import evaluate as study
+from rsc_swarm.study.evaluate import Evaluation
+from rsc_swarm.study.finished import fingerprint
+from world.outlets.trajectory import Trajectory
+
+__all__ = [
+    "Evaluation",
+    "Flight",
+    "FlightReport",
+    "Mission",
+    "MissionError",
+    "Policy",
+    "PolicyError",
+    "RunBroken",
+    "Seen",
+    "Trajectory",
+    "draw",
+    "evaluate",
+    "launch",
+    "mission",
+    "simulate",
+]
+
+_FLOWN = (0, 1)  # exit codes of a launch that came to its end: a success, a failed flight
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One flight: what was flown, what came of it, and every drone's path."""
+
+    mission: Mission
+    report: FlightReport
+    trajectory: Trajectory
+
+
+def mission(source: str | Path | None = None, /, **fields: Any) -> Mission:
+    """A mission: the standard task, or the one in ``source``, with ``fields`` on top.
+
+    Args:
+        source: a mission file, or the name of a mission that comes with the project.
+        fields: fields of docs/missions.md; those of a section as a dictionary, which leaves the section's others as they
+            are: ``radio={"loss": 0.2}``. ``policy`` may also be a class (docs/policies.md).
+
+    Raises:
+        MissionError: it cannot be flown; one line names the field and what would be right.
+    """
+    document: dict[str, Any] = {}
+    if source is not None:
+        document = read_mission_fields(_file_of(str(source)))
+    if isinstance(fields.get("policy"), type):
+        fields["policy"] = _name_of(fields["policy"])
+    return parse_mission(_merged(document, fields), str(source or "mission"))
+
+
+def _file_of(source: str) -> Path:
+    try:
+        return mission_path(source)
+    except MissionError as error:
+        raise MissionError(str(error).removeprefix("--mission ")) from None
+
+
+def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(under)
+    for name, value in over.items():
+        below = merged.get(name)
+        merged[name] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _name_of(policy: type) -> str:
+    """The name by which a flight finds this class again: ``module:Class``.
+
+    Raises:
+        MissionError: it is not at the top of its module.
+    """
+    name = f"{policy.__module__}:{policy.__qualname__}"
+    if getattr(sys.modules.get(policy.__module__), policy.__qualname__, None) is not policy:
+        raise MissionError(
+            f"policy: {name} cannot be found by its name; define the class at the top of a module"
+        )
+    return name
+
+
+@overload
+def simulate(mission: Mission) -> Flight: ...
+@overload
+def simulate(mission: Sequence[Mission]) -> list[Flight]: ...
+def simulate(mission: Mission | Sequence[Mission]) -> Flight | list[Flight]:
+    """Fly a mission, or each of several, in this process, as fast as it goes.
+
+    Raises:
+        PolicyError, MissionError, world.field.FieldError: it cannot be flown.
+    """
+    if not isinstance(mission, Mission):
+        return [simulate(one) for one in mission]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "trajectory.npz"
+        flown = fly(mission, trajectory=path)
+        again = shlex.join(["rsc-swarm", "simulate", *_settings(mission)])
+        return Flight(
+            mission, report_of(flown, mission, "simulate", "lockstep", again), Trajectory.load(path)
+        )
+
+
+def launch(
+    mission: Mission,
+    clock: Literal["lockstep", "realtime"] = "lockstep",
+    run_dir: str | Path | None = None,
+) -> Flight:
+    """Fly a mission in real processes: one for the world, one for every drone, and one that starts and watches them.
+
+    That one is new too, so nothing that the caller has open (threads, models, sockets) comes along. Modules are found as in
+    the caller; a policy that is defined in a script or notebook itself is not.
+
+    Args:
+        clock: repeatable and as fast as it goes, or 100 ticks a second on the wall clock.
+        run_dir: keep mission, report, paths and logs in this folder (docs/recordings.md).
+
+    Raises:
+        MissionError: it cannot be flown. RunBroken: the run itself broke. One line says why.
+        KeyboardInterrupt: Ctrl-C; all processes have ended.
+    """
+    if mission.policy.startswith("__main__:"):
+        raise MissionError(
+            f"policy: {mission.policy} is defined in the script itself, where drones cannot find it; "
+            "put the class into a module of its own and import it"
+        )
+    with TemporaryDirectory() as temporary:
+        folder = Path(run_dir) if run_dir else Path(temporary) / "run"
+        words = ["launch", *_settings(mission), "--clock", clock, "--run-dir", str(folder)]
+        done = subprocess.run(
+            [sys.executable, "-m", "rsc_swarm", *words],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        if done.returncode not in _FLOWN:
+            _raise(done)
+        report = FlightReport.model_validate_json((folder / "report.json").read_text(encoding="utf-8"))
+        return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))
+
+
+def _raise(done: "subprocess.CompletedProcess[str]") -> None:
+    """The error that a launcher left with, as it told it."""
+    lines = done.stderr.strip().splitlines() or [f"the launcher ended with exit code {done.returncode}"]
+    line = lines[-1].removeprefix("rsc-swarm: ")
+    if done.returncode == 130:
+        raise KeyboardInterrupt(line)
+    raise MissionError(line) if done.returncode == 2 else RunBroken(line)
+
+
+def _settings(mission: Mission) -> list[str]:
+    """The options that make this mission of the standard task."""
+    words = []
+    for field, value in _leaves(mission.model_dump(mode="json", exclude_defaults=True)):
+        text = (
+            yaml.safe_dump(value, default_flow_style=True, width=float("inf")).removesuffix("...\n").strip()
+        )
+        words += ["--set", f"{field}={text}"]
+    return words
+
+
+def _leaves(fields: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Every field by its dotted name."""
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def evaluate(
+    mission: Mission, maps: int = 200, starts: int = 3, seed_base: int = 0, workers: int | None = None
+) -> Evaluation:
+    """Fly a mission on many maps, from several starts each, and add the flights up: a row of a table.
+
+    Args:
+        maps: map seeds ``seed_base`` to ``seed_base + maps - 1``. Tune on 1,000,000 and up, measure on 0 to 199.
+        starts: start k of map m flies with seed 1000 m + k.
+        workers: processes that fly; None: one per processor.
+
+    Raises:
+        MissionError, PolicyError, world.field.FieldError: it cannot be flown.
+        rsc_swarm.study.workers.WorkerError: a worker died.
+    """
+    seeds = study.seeds_of(seed_base, maps, starts)
+    flights = study.evaluate(mission, seeds, study.crew_size(workers))
+    return study.summarise(mission, flights, starts, fingerprint(mission))
+
+
+def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
+    """Draw flights, seen from above, one below the other and to the same scale, into the file ``out`` (.png, .svg, .pdf).
+
+    Raises:
+        rsc_swarm.show.plots.style.PlotError: matplotlib is missing (``pip install matplotlib``), or cannot write this file.
+    """
+    several = [flights] if isinstance(flights, Flight) else flights
+    draw_tracks([_track(flight) for flight in several], Path(out))
+
+
+def _track(flight: Flight) -> Track:
+    return Track(flight.mission, flight.trajectory, flight.report.tau_s, flight.report.failure)
