@@ -1,0 +1,137 @@
+"""The public door: what a program gets from ``import rsc_swarm as rs``."""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsc_swarm as rs
+from rsc_swarm.api import _settings
+from rsc_swarm.cli.options import MissionOptions, resolve
+from world.outlets.trajectory import TrajectoryError
+
+ROOT = Path(__file__).parents[2]
+SHORT = {"agents": 4, "time_limit_s": 1.0}
+
+
+class Still:
+    """Wants nothing."""
+
+    def __init__(self, mission: rs.Mission) -> None:
+        self.mission = mission
+
+    def act(self, seen: rs.Seen) -> np.ndarray:
+        return np.zeros((len(seen.me), 2))
+
+
+def test_the_door_opens_only_when_somebody_comes():
+    code = "import sys, rsc_swarm; print('numba' in sys.modules); rsc_swarm.mission; print('numba' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False", "True"]
+
+
+def test_what_is_not_offered_is_not_there():
+    with pytest.raises(AttributeError, match="module 'rsc_swarm' has no attribute 'fly_all'"):
+        _ = rs.fly_all  # type: ignore[attr-defined]
+
+
+def test_a_mission_is_a_file_or_a_name_with_fields_on_top(tmp_path):
+    assert rs.mission() == rs.Mission()
+    file = tmp_path / "mine.yaml"
+    file.write_text("agents: 9\nradio: {loss: 0.1, hops: 2}\n")
+    mine = rs.mission(file, map_seed=3, radio={"loss": 0.2})
+    assert (mine.agents, mine.map_seed, mine.radio.loss, mine.radio.hops) == (9, 3, 0.2, 2)
+    assert rs.mission("dense").obstacles.count == (12, 14)
+
+
+def test_a_policy_is_a_class_if_it_can_be_found_again():
+    assert rs.mission(policy=Still).policy == f"{__name__}:Still"
+
+    class Hidden(Still):
+        pass
+
+    with pytest.raises(
+        rs.MissionError, match=r"Hidden cannot be found by its name; define the class at the top"
+    ):
+        rs.mission(policy=Hidden)
+
+
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        (lambda: rs.mission("nowhere"), "nowhere: no such file; shipped missions are dense"),
+        (lambda: rs.mission(agents=0), "agents: "),
+        (lambda: rs.mission(radio={"lost": 1}), "radio.lost: unknown field; known here: burst"),
+        (lambda: rs.simulate(rs.mission(policy="nothing")), "unknown policy 'nothing'"),
+        (lambda: rs.evaluate(rs.mission(), maps=0), "maps: give at least 1"),
+        (lambda: rs.launch(rs.mission(policy="__main__:Mine")), "put the class into a module of its own"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(asked, line):
+    with pytest.raises((rs.MissionError, rs.PolicyError)) as refused:
+        asked()
+    assert line in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_flight_is_its_report_and_its_arrays():
+    flight = rs.simulate(rs.mission(**SHORT, obstacles={"discs": [[20, 0, 1.5]]}))
+    path = flight.trajectory
+    assert flight.report.failure == "late"
+    assert path.positions.shape == path.velocities.shape == (101, 4, 2)
+    assert path.slots.shape == path.flying.shape == (101, 4)
+    assert path.obstacles.tolist() == [[20, 0, 1.5]]
+    assert path.times[-1] == pytest.approx(1.0)
+    np.testing.assert_allclose(np.diff(path.positions, axis=0) / path.tick_s, path.velocities[1:], atol=0.06)
+
+
+def test_several_missions_are_flown_each_by_its_own_rules():
+    first, second = rs.mission(**SHORT), rs.mission(agents=3, time_limit_s=0.5)
+    flights = rs.simulate([first, second])
+    assert [flight.report.agents for flight in flights] == [4, 3]
+    assert flights[1].report.digest == rs.simulate(second).report.digest
+
+
+def test_the_command_that_flies_it_again_makes_the_same_mission():
+    mission = rs.mission(
+        "restart", agents=9, name="123", radio={"burst": {"loss": 0.1 + 0.2}}, swap={"rule": "off"}, time_limit_s=1e-2
+    )  # fmt: skip
+    words = _settings(mission)
+    assert words[::2] == ["--set"] * (len(words) // 2)
+    assert resolve(MissionOptions(set=words[1::2])) == mission
+    again = shlex.split(rs.simulate(mission).report.again)
+    assert again == ["rsc-swarm", "simulate", *words]
+
+
+def test_an_evaluation_has_its_interval():
+    row = rs.evaluate(rs.mission(**SHORT), maps=2, starts=1, seed_base=1_000_000, workers=1)
+    assert (row.runs, row.success_rate, row.maps) == (2, 0.0, (1_000_000, 1_000_001))
+    low, high = row.success_interval
+    assert low == 0.0 < high < 1.0
+
+
+def test_what_is_no_recorded_flight_is_refused_in_one_line(tmp_path):
+    flight = rs.simulate(rs.mission(**SHORT))
+    kept = tmp_path / "trajectory.npz"
+    flight.trajectory.save(kept)
+    np.testing.assert_array_equal(rs.Trajectory.load(kept).positions, flight.trajectory.positions)
+    whole = kept.read_bytes()
+    for content in (b"", b"no flight", whole[: len(whole) // 2]):
+        kept.write_bytes(content)
+        with pytest.raises(TrajectoryError, match=r"trajectory.npz: is not a recorded flight \(.+\)"):
+            rs.Trajectory.load(kept)
+    np.savez(kept, positions=np.zeros((1, 1, 2)))
+    with pytest.raises(TrajectoryError, match="velocities"):
+        rs.Trajectory.load(kept)
+    with pytest.raises(TrajectoryError, match="No such file"):
+        rs.Trajectory.load(tmp_path / "nowhere.npz")
+
+
+def test_a_flight_is_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
+    flight = rs.simulate(rs.mission(**SHORT))
+    rs.draw([flight, flight], tmp_path / "two.svg")
+    assert (tmp_path / "two.svg").stat().st_size > 1000
