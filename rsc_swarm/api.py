@@ -17,6 +17,7 @@ from typing import Any, Literal, overload
 import yaml
 
 from agent.policy import Policy, PolicyError, Seen
+from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
 from rsc_swarm.cli.options import mission_path
 from rsc_swarm.flight.in_process import fly
@@ -39,6 +40,7 @@ __all__ = [
     "PolicyError",
     "RunBroken",
     "Seen",
+    "SwarmError",
     "Trajectory",
     "draw",
     "evaluate",
@@ -47,7 +49,7 @@ __all__ = [
     "simulate",
 ]
 
-_FLOWN = (0, 1)  # exit codes of a launch that came to its end: a success, a failed flight
+_FLOWN = (ExitCode.SUCCEEDED, ExitCode.FAILED)  # a launch that came to its end
 
 
 @dataclass(frozen=True)
@@ -171,9 +173,9 @@ def _raise(done: "subprocess.CompletedProcess[str]") -> None:
     """The error that a launcher left with, as it told it."""
     lines = done.stderr.strip().splitlines() or [f"the launcher ended with exit code {done.returncode}"]
     line = lines[-1].removeprefix("rsc-swarm: ")
-    if done.returncode == 130:
+    if done.returncode == ExitCode.INTERRUPTED:
         raise KeyboardInterrupt(line)
-    raise MissionError(line) if done.returncode == 2 else RunBroken(line)
+    raise MissionError(line) if done.returncode == ExitCode.BAD_USAGE else RunBroken(line)
 
 
 def _settings(mission: Mission) -> list[str]:
@@ -210,8 +212,8 @@ def evaluate(
         MissionError, PolicyError, world.field.FieldError: it cannot be flown.
         rsc_swarm.study.workers.WorkerError: a worker died.
     """
-    seeds = study.seeds_of(seed_base, maps, starts)
-    flights = study.evaluate(mission, seeds, study.crew_size(workers))
+    amount = study.Amount(maps, starts, seed_base, workers)
+    flights = study.evaluate(mission, amount.seeds(), amount.processes())
     return study.summarise(mission, flights, starts, fingerprint(mission))
 
 

@@ -46,50 +46,53 @@ def _figures(report: FlightReport) -> Table:
 
 
 def _rows(report: FlightReport) -> list[tuple[str, str]]:
-    mission, frames, swaps = report.mission, report.frames, report.swaps
+    """Name and figure; what one drone alone cannot have (edges, swaps, somebody to hear) is not told of it."""
+    mission, frames, alone = report.mission, report.frames, report.agents == 1
     seeds = f"map {report.map_seed}, seed {report.seed}"
     when = "at success" if report.tau_s is not None else "at the end"
-    rows = [
-        ("mission", f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}"),
-        (
-            "worst edge error",
-            f"{100 * report.max_edge_error:.2f} % {when} (limit {100 * mission['edge_tolerance']:g} %)",
-        ),
-        ("worst slot error", f"{report.max_slot_error_m:.2f} m {when}"),
-    ]
-    if report.lost_agents:
-        rows.append(("lost", lost_text(report.lost_agents)))
-    rows.append(("swaps", _swaps(report)))
-    if report.overlap_s:
-        rows.append(("slots claimed twice", f"{report.overlap_s:.2f} s in all"))
-    rows.append(("frames sent", f"{frames.sent:,} of {frames.median_bytes:.0f} bytes (median)"))
-    rows.append(("frames heard", _heard(report)))
-    rejected = [f"{number:,} {reason}" for reason, number in frames.rejected.items() if number]
-    if rejected:
-        rows.append(("frames rejected", ", ".join(rejected)))
-    how = _HOW[report.mode]
-    rows.append(
-        (
-            "flown",
-            f"{report.time_s:.2f} s {how} in {report.wall_s:.1f} s, "
-            f"{report.real_time_factor:.1f} x real time",
-        )
-    )
-    if report.clock == "realtime":
-        rows.append(("late answers", f"{report.deadline_misses:,} of {report.ticks * report.agents:,}"))
-    if report.first_tick_s is not None:
-        rows.append(("first tick", f"{report.first_tick_s:.2f} s after the command"))
-    if report.pss_mb_per_agent is not None:
-        rows.append(("memory per agent", f"{report.pss_mb_per_agent:.1f} MB"))
-    if swaps.undone or swaps.forced:
-        rows.append(("swap history", f"{swaps.undone} swaps undone by a merge, {swaps.forced} folds forced"))
-    rows.append(("digest", report.digest))
-    return rows
+    rejected = ", ".join(f"{number:,} {reason}" for reason, number in frames.rejected.items() if number)
+    how = "in real processes" if report.mode == "launch" else "in one process"
+    tolerance, edge = 100 * mission["edge_tolerance"], 100 * report.max_edge_error
+    rows = {
+        "mission": f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}",
+        "worst edge error": "" if alone else f"{edge:.2f} % {when} (limit {tolerance:g} %)",
+        f"{'' if alone else 'worst '}slot error": f"{report.max_slot_error_m:.2f} m {when}",
+        "lost": lost_text(report.lost_agents) if report.lost_agents else "",
+        "swaps": "" if alone else _swaps(report),
+        "slots claimed twice": f"{report.overlap_s:.2f} s in all" if report.overlap_s else "",
+        "frames sent": f"{frames.sent:,} of {frames.median_bytes:.0f} bytes (median)",
+        "frames heard": "" if alone else _heard(report),
+        "frames rejected": rejected,
+        "flown": f"{report.time_s:.2f} s {how} in {report.wall_s:.1f} s, {_times(report.real_time_factor)} real time",
+        "late answers": f"{report.deadline_misses:,} of {report.ticks * report.agents:,}"
+        if report.clock == "realtime"
+        else "",
+        "first tick": f"{report.first_tick_s:.2f} s after the command"
+        if report.first_tick_s is not None
+        else "",
+        "memory per agent": f"{report.pss_mb_per_agent:.1f} MB"
+        if report.pss_mb_per_agent is not None
+        else "",
+        "swap history": _history(report),
+        "digest": report.digest,
+    }
+    return [(name, text) for name, text in rows.items() if text]
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.1f} x" if factor >= 0.1 else f"{factor:.1g} x"
+
+
+def _history(report: FlightReport) -> str:
+    swaps = report.swaps
+    if not (swaps.undone or swaps.forced):
+        return ""
+    return f"{swaps.undone} swaps undone by a merge, {swaps.forced} folds forced"
 
 
 def _swaps(report: FlightReport) -> str:
     swaps = report.swaps
-    text = f"{swaps.proposed} proposed, {swaps.committed} made"
+    text = f"{swaps.proposed} proposed, {swaps.committed} made" if swaps.proposed else "none"
     fates = [
         f"{number} {fate}"
         for fate, number in (

@@ -185,39 +185,49 @@ def _frames(flown: Flown) -> dict[str, Any]:
 def describe(outcome: Outcome, mission: Mission, breach: str | None = None) -> str:
     """How the flight ended, as a sentence."""
     if not outcome.success:
-        return describe_failure(outcome, breach)
-    lost = len(outcome.lost_agents)
-    who = (
-        f"all {mission.agents} agents"
-        if not lost
-        else f"the {mission.agents - lost} agents left of {mission.agents}"
-    )
-    if mission.agents == 1:
-        who = "the agent"
-    text = f"{who} in formation beyond the goal line and every obstacle after {outcome.tau_s:.2f} s"
+        return describe_failure(outcome, mission, breach)
+    text = f"{_who(outcome, mission)} {_where(outcome, mission)} after {outcome.tau_s:.2f} s"
     if outcome.held_after_success is not None:
         kept = "and held it" if outcome.held_after_success else "but did not hold it"
         text += f" {kept} for {mission.hold_s:g} s more"
     return text
 
 
-def describe_failure(outcome: Outcome, breach: str | None = None) -> str:
+def _who(outcome: Outcome, mission: Mission) -> str:
+    if mission.agents == 1:
+        return "the agent"
+    left = mission.agents - len(outcome.lost_agents)
+    if left < mission.agents:
+        return f"the {agents_text(left)} left of {mission.agents}"
+    return "both agents" if left == 2 else f"all {left} agents"
+
+
+def _where(outcome: Outcome, mission: Mission) -> str:
+    """What a flight is for. One drone is no formation, and an empty field has no obstacles to pass."""
+    formation = "in formation " if mission.agents - len(outcome.lost_agents) != 1 else ""
+    field = mission.obstacles
+    empty = not field.discs if field.discs is not None else field.count[1] == 0
+    return f"{formation}beyond the goal line{'' if empty else ' and every obstacle'}"
+
+
+def describe_failure(outcome: Outcome, mission: Mission, breach: str | None = None) -> str:
     """Why the flight failed, as a sentence: who, where, when."""
     when = f"{outcome.ticks * TICK_S:.2f} s"
+    alone = mission.agents == 1
     if outcome.failure == "collision":
         return f"{outcome.min_distance_m:.2f} m between {outcome.closest}"
     if outcome.failure == "broken-invariant":
         return breach or f"an invariant of the slots broke at t = {when}"
     if outcome.failure == "all-lost":
-        return f"every agent was lost by t = {when}"
-    state = (
-        f"worst edge error {outcome.max_edge_error:.0%}, worst slot error {outcome.max_slot_error_m:.1f} m"
-    )
+        return f"{'the agent' if alone else 'every agent'} was lost by t = {when}"
+    edges = "" if alone else f"worst edge error {outcome.max_edge_error:.0%}, "
+    state = f"{edges}{'' if alone else 'worst '}slot error {outcome.max_slot_error_m:.1f} m"
     if outcome.lost_agents:
-        state += f", lost {_numbers(outcome.lost_agents)}"
+        state += f", lost {lost_text(outcome.lost_agents)}"
     if outcome.failure == "interrupted":
         return f"interrupted at t = {when}: {state}"
-    return f"not in formation beyond the goal line within {when}: {state}"
+    formation = "" if alone else "in formation "
+    return f"not {formation}beyond the goal line within {when}: {state}"
 
 
 def _numbers(agents: tuple[int, ...]) -> str:

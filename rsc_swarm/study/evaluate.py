@@ -240,7 +240,7 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         allowed_in_1s_rate=sum(after <= 1 for after in allowed) / runs,
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
         swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
-        failures=[_failed(flight) for flight in flights if not flight.outcome.success],
+        failures=[_failed(flight, mission) for flight in flights if not flight.outcome.success],
         maps=(min(flight.map_seed for flight in flights), max(flight.map_seed for flight in flights)),
         starts=starts,
         code=code,
@@ -248,10 +248,10 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     )
 
 
-def _failed(flight: Flight) -> Failed:
+def _failed(flight: Flight, mission: Mission) -> Failed:
     return Failed(
         map=flight.map_seed,
         seed=flight.seed,
         failure=str(flight.outcome.failure),
-        detail=describe_failure(flight.outcome),
+        detail=describe_failure(flight.outcome, mission),
     )

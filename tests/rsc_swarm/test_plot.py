@@ -14,7 +14,7 @@ from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.events import collision_place
-from rsc_swarm.show.plots.flight import Track, _edges, draw
+from rsc_swarm.show.plots.flight import Track, _edges, _free_place, draw
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
@@ -51,6 +51,37 @@ def test_only_edges_between_flying_drones_are_drawn(tmp_path):
     track = flown(tmp_path, mission)
     assert len(_edges(track.path, mission.plan, 0)) == 8
     assert len(_edges(track.path, mission.plan, -1)) == 8 - sum(4 in edge for edge in mission.plan.edges)
+
+
+def texts(figure) -> list[str]:
+    return [text.get_text() for axes in figure.axes for text in axes.texts]
+
+
+def test_drones_and_obstacles_carry_the_numbers_of_the_report(tmp_path, monkeypatch):
+    discs = [(20.0, 0.0, 1.0), (20.0, 0.5, 1.0)]
+    faults = [{"at_s": 1.0, "kind": "restart", "agents": [2]}, {"at_s": 2.0, "kind": "kill", "agents": [1]}]
+    mission = Mission(agents=3, time_limit_s=3.0, obstacles={"discs": discs}, faults=faults)
+    track = flown(tmp_path, mission)
+    figures = []
+    monkeypatch.setattr("rsc_swarm.show.plots.flight.save", lambda figure, out: figures.append(figure))
+    draw([track], tmp_path / "x.png")
+    written = texts(figures[0])
+    assert [written.count(number) for number in "012"] == [1 + 2, 1 + 1 + 1, 2 + 1]  # obstacles, ends, faults
+    legend = [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()]
+    assert legend == ["start", "at the end", "lost", "restarted", "obstacle", "goal"]
+
+
+def test_the_numbers_of_obstacles_that_overlap_stand_apart():
+    discs = np.array([[20.0, 0.0, 1.0], [20.0, 0.2, 1.0], [30.0, 0.0, 1.0]])
+    places = [_free_place(discs, index) for index in range(3)]
+    assert np.linalg.norm(places[0] - places[1]) > 1.0
+    assert places[2].tolist() == [30.0, 0.0]
+
+
+def test_the_shortest_flight_is_drawn(tmp_path):
+    for agents in (1, 2):
+        mission = Mission(agents=agents, time_limit_s=0.01, obstacles={"discs": []})
+        draw([flown(tmp_path, mission)], tmp_path / "short.png")
 
 
 def test_a_collision_is_marked_where_it_was(tmp_path):

@@ -95,12 +95,12 @@ def test_people_read_the_verdict_first_and_how_to_fly_it_again_last(report):
     ],
 )
 def test_a_failure_says_who_where_and_when(outcome, sentence):
-    assert describe_failure(outcome) == sentence
+    assert describe_failure(outcome, Mission(agents=12)) == sentence
 
 
 def test_a_broken_invariant_is_told_in_the_words_of_the_watch():
     assert (
-        describe_failure(ended("broken-invariant"), "permutation broken at tick 3")
+        describe_failure(ended("broken-invariant"), Mission(), "permutation broken at tick 3")
         == "permutation broken at tick 3"
     )
 
@@ -111,6 +111,38 @@ def test_a_success_says_who_is_missing_and_whether_it_held():
         "the 8 agents left of 9 in formation beyond the goal line and every obstacle after 7.31 s "
         "but did not hold it for 2 s more"
     )
+
+
+EMPTY = {"discs": []}
+
+
+@pytest.mark.parametrize(
+    ("fields", "outcome", "sentence"),
+    [
+        ({"agents": 1, "obstacles": EMPTY}, ended(), "the agent beyond the goal line after 7.31 s"),
+        ({"agents": 1}, ended(), "the agent beyond the goal line and every obstacle after 7.31 s"),
+        ({"agents": 2, "obstacles": {"count": [0, 0]}}, ended(), "both agents in formation beyond the goal line after 7.31 s"),
+        ({"agents": 3}, ended(lost_agents=(0, 2)), "the 1 agent left of 3 beyond the goal line and every obstacle after 7.31 s"),
+        ({"agents": 1}, ended("late"), "not beyond the goal line within 7.31 s: slot error 1.2 m"),
+        ({"agents": 1}, ended("all-lost"), "the agent was lost by t = 7.31 s"),
+    ],
+)  # fmt: skip
+def test_a_swarm_of_few_is_told_as_one_would_say_it(fields, outcome, sentence):
+    assert describe(outcome, Mission(**fields)) == sentence
+
+
+def test_of_one_drone_nothing_is_told_that_takes_two():
+    mission = Mission(agents=1, obstacles=EMPTY, time_limit_s=0.01)
+    text = plain(render(report_of(fly(mission), mission, "simulate", "lockstep", "again")))
+    assert not any(
+        word in text for word in ("Closest", "edge", "swaps", "heard", "formation", "inf", " 0.0 x")
+    )
+
+
+def test_no_swaps_are_none():
+    mission = Mission(agents=2, swap={"rule": "off"}, time_limit_s=0.05)
+    rows = plain(render(report_of(fly(mission), mission, "simulate", "lockstep", "again"))).splitlines()
+    assert [row.split()[1:] for row in rows if row.startswith("swaps")] == [["none"]]
 
 
 def test_the_document_is_up_to_date():

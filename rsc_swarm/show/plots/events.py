@@ -38,7 +38,10 @@ def draw_events(axes: Any, path: Trajectory, mission: Mission, collided: bool) -
         size, edge = (mark.size, 1.0) if mark is not _SWAP or len(points) <= _FEW else (3.0, 0.7)
         axes.plot(*points.T, mark.marker, ms=size, mfc=mark.face, mec=mark.edge, mew=edge, zorder=7)
     for tick, agent in _losses(path):
-        number(axes, agent, path.positions[tick, agent], colour=ALARM)
+        number(axes, agent, path.positions[tick, agent], colour=_LOST.face)
+    for kind, mark in _FAULTS.items():
+        for tick, agent in _struck(path, mission, kind):
+            number(axes, agent, path.positions[tick, agent], colour=mark.face)
     if collided:
         _draw_collision(axes, path)
 

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from protocols.mission.document import Mission
 from protocols.mission.formation import NO_PARENT, Formation
 from rsc_swarm.show.plots.events import draw_events, event_handles
-from rsc_swarm.show.plots.style import ALARM, FAINT, INK, ROCK, bare, key, new_figure, number, save
+from rsc_swarm.show.plots.style import ALARM, FAINT, INK, ROCK, bare, halo, key, new_figure, number, save
 from world.outlets.trajectory import Trajectory
 
 _WIDTH = 11.0  # inches
 _COLOURS = "turbo"
 _SMOOTH_TICKS = 4  # a path needs no more points than this
 _SMALLEST_M = 12.0  # a swarm that hardly moves is not drawn larger than life
+_APART_M = 2.0  # what is nearer than this would be written over
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def _draw_flight(axes: Any, track: Track) -> None:
     bare(axes)
     _draw_field(axes, track)
     _draw_midway(axes, track)
-    _draw_paths(axes, track.path)
+    _draw_paths(axes, track.path, track.end)
     _draw_formation(axes, track)
     draw_events(axes, track.path, track.mission, track.failure == "collision")
     axes.set_title(track.verdict, loc="left", fontsize=12, color=ALARM if track.failure else INK, pad=10)
@@ -107,8 +108,17 @@ def _draw_field(axes: Any, track: Track) -> None:
             Circle((x, y), keep_off, facecolor="none", edgecolor=ROCK, lw=0.8, ls=(0, (2, 2)), zorder=2)
         )
         axes.add_patch(Circle((x, y), radius, facecolor=ROCK, edgecolor="none", zorder=2))
-        number(axes, index, (x, y), colour="white", halo=ROCK, centred=True)
+        number(axes, index, _free_place(track.path.obstacles, index), colour="white", centred=True)
     axes.axvline(track.path.goal_x, color=INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
+
+
+def _free_place(discs: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+    """In the disc of this index, away from the middles of others that overlap it: for its number, m."""
+    middle, radius = discs[index, :2], discs[index, 2]
+    away = middle - np.delete(discs[:, :2], index, axis=0)
+    away = away[np.linalg.norm(away, axis=1) < _APART_M].sum(axis=0)
+    length = float(np.linalg.norm(away))
+    return np.asarray(middle + 0.6 * radius * away / length if length > 0 else middle)
 
 
 def _edges(path: Trajectory, plan: Formation, tick: int) -> list[NDArray[np.float64]]:
@@ -122,32 +132,35 @@ def _edges(path: Trajectory, plan: Formation, tick: int) -> list[NDArray[np.floa
 
 
 def _draw_midway(axes: Any, track: Track) -> None:
-    """The swarm half-way, and when each of the three moments shown was."""
+    """The swarm half-way, and when each of the three moments shown was; of a flight too short for that only its end."""
     from matplotlib.collections import LineCollection
 
     path, middle = track.path, track.end // 2
+    _write_time(axes, path, track.end)
+    if np.linalg.norm(np.ptp(path.positions[[0, track.end]].mean(axis=1), axis=0)) < _SMALLEST_M:
+        return
     edges = _edges(path, track.mission.plan, middle)
     axes.add_collection(LineCollection(edges, colors=ROCK, lw=1.0, alpha=0.75, zorder=5))
     for agent, colour in enumerate(_colours(path)):
         if path.flying[middle, agent]:
             axes.plot(*path.positions[middle, agent], "o", ms=5, color=colour, mec="white", mew=0.7, zorder=6)
-    for tick in _moments(track):
-        flying = path.positions[tick, path.flying[tick]]
-        if len(flying):
-            axes.annotate(
-                f"{tick * path.tick_s:.1f} s", (float(flying[:, 0].mean()), 1.0), (0, -4),
-                xycoords=("data", "axes fraction"), textcoords="offset points", ha="center", va="top",
-                color=ROCK, fontsize=10,
-            )  # fmt: skip
+    for tick in (0, middle):
+        _write_time(axes, path, tick)
 
 
-def _moments(track: Track) -> tuple[int, ...]:
-    """The ticks whose time is written: start, middle and end; only the end of a flight too short for three."""
-    middles = [track.path.positions[tick, :, 0].mean() for tick in (0, track.end)]
-    return (0, track.end // 2, track.end) if abs(middles[1] - middles[0]) > _SMALLEST_M else (track.end,)
+def _write_time(axes: Any, path: Trajectory, tick: int) -> None:
+    """Above the swarm as it was at ``tick``."""
+    flying = path.positions[tick, path.flying[tick]]
+    if len(flying):
+        axes.annotate(
+            f"{tick * path.tick_s:.{1 if tick * path.tick_s >= 0.1 else 2}f} s",
+            (float(flying[:, 0].mean()), 1.0), (0, -4), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="center", va="top", color=ROCK, fontsize=10, path_effects=halo("white", 4),
+        )  # fmt: skip
 
 
-def _draw_paths(axes: Any, path: Trajectory) -> None:
+def _draw_paths(axes: Any, path: Trajectory, end: int) -> None:
+    """Every drone's way, with its number at the start where that is not written at the end already."""
     from matplotlib.collections import LineCollection
 
     agents = path.flying.shape[1]
@@ -159,7 +172,8 @@ def _draw_paths(axes: Any, path: Trajectory) -> None:
         shades[:, 3] = np.linspace(0.25, 0.95, len(pieces))
         axes.add_collection(LineCollection(list(pieces), colors=shades, lw=width, capstyle="butt", zorder=4))
         axes.plot(*path.positions[0, agent], "o", ms=3.2, color=colour, alpha=0.6, mew=0, zorder=4)
-        number(axes, agent, path.positions[0, agent], colour=ROCK)
+        if np.linalg.norm(path.positions[end, agent] - path.positions[0, agent]) > _APART_M:
+            number(axes, agent, path.positions[0, agent], colour=ROCK)
 
 
 def _draw_formation(axes: Any, track: Track) -> None:

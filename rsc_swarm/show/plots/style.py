@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from protocols.errors import SwarmError
 
 INK, FAINT, ROCK, ALARM, GRID = "#1f2933", "#9aa5b1", "#52606d", "#d64545", "#e4e7eb"
@@ -51,21 +54,25 @@ def bare(axes: Any) -> None:
     axes.set_axisbelow(True)
 
 
+def halo(colour: str, width: float = 2.0) -> list[Any]:
+    """What keeps a text readable on top of lines: its outline in ``colour``."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=width, foreground=colour)]
+
+
 def number(
     axes: Any,
     value: int,
-    place: Sequence[float],
+    place: Sequence[float] | NDArray[np.float64],
     colour: str = INK,
-    halo: str = "white",
     centred: bool = False,
 ) -> None:
     """Write the number of a drone or an obstacle: beside ``place`` (m), where no edge of a formation runs, or on it."""
-    from matplotlib.patheffects import withStroke
-
     axes.annotate(
         str(value), (float(place[0]), float(place[1])), (0, 0) if centred else (4, 4), textcoords="offset points",
         ha="center" if centred else "left", va="center" if centred else "bottom", fontsize=7.5, color=colour,
-        path_effects=[withStroke(linewidth=2.0, foreground=halo)], annotation_clip=True, zorder=10,
+        path_effects=halo(ROCK if centred else "white"), annotation_clip=True, zorder=10,
     )  # fmt: skip
 
 
