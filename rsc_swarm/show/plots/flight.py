@@ -153,7 +153,7 @@ def _write_time(axes: Any, path: Trajectory, tick: int) -> None:
     flying = path.positions[tick, path.flying[tick]]
     if len(flying):
         axes.annotate(
-            f"{tick * path.tick_s:.{1 if tick * path.tick_s >= 0.1 else 2}f} s",
+            f"{tick * path.tick_s:.{2 if 0 < tick * path.tick_s < 0.1 else 1}f} s",
             (float(flying[:, 0].mean()), 1.0), (0, -4), xycoords=("data", "axes fraction"),
             textcoords="offset points", ha="center", va="top", color=ROCK, fontsize=10, path_effects=halo("white", 4),
         )  # fmt: skip
