@@ -14,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from protocols.dynamics import TICK_S
 from protocols.errors import SwarmError
 from protocols.mission.formation import Formation, build_formation, default_shape, shape_points
+from protocols.mission.policy_name import from_folder
 
 MAX_AGENTS = 250  # agent numbers travel as one byte
 
@@ -309,7 +310,8 @@ def parse_mission(fields: dict[str, Any], source: str = "mission") -> Mission:
 
 
 def read_mission_fields(path: Path) -> dict[str, Any]:
-    """The fields written in a mission file, unvalidated, for merging with command-line options.
+    """The fields written in a mission file, unvalidated, for merging with command-line options. A policy's file counts from
+    the folder of the mission file.
 
     Raises:
         MissionError: the file is missing, unreadable, or not a YAML mapping.
@@ -330,4 +332,6 @@ def read_mission_fields(path: Path) -> dict[str, Any]:
         raise MissionError(
             f"{path}: must be a mapping of fields such as 'agents: 25', not a {type(fields).__name__}"
         )
+    if isinstance(fields.get("policy"), str):
+        fields["policy"] = from_folder(fields["policy"], path.parent)
     return fields

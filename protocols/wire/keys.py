@@ -84,12 +84,14 @@ class Login(NamedTuple):
         """Raises ValueError when ``text`` is not what ``to_json`` wrote."""
         try:
             read = json.loads(text)
-            login = Login(str(read["swarm"]), int(read["agent"]), str(read["password"]))
-        except (ValueError, TypeError, KeyError) as error:
+            login: Login | None = Login(read["swarm"], read["agent"], read["password"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            login = None
+        if login is None or tuple(map(type, login)) != (str, int, str):
             raise ValueError(
                 "not an agent's login: a login is a JSON object with 'swarm', 'agent' and 'password', "
                 "as the world of the swarm writes it"
-            ) from error
+            )
         checked_swarm(login.swarm)
         _checked_agent(login.agent)
         return login

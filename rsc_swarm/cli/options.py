@@ -8,13 +8,15 @@ import inspect
 import re
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import StrEnum
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from protocols.mission.policy_name import from_folder
 
 if TYPE_CHECKING:
     from protocols.mission.document import Mission
@@ -104,7 +106,7 @@ class MissionOptions:
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Controller: a known name or model file, or package.module:Class. (rsc-h20)",
+            help="Controller: a known name, FILE.py:Class, a model file, or package.module:Class. (rsc-h20)",
             autocompletion=_policies,
             rich_help_panel=_WHO,
         ),
@@ -268,13 +270,29 @@ def _put(document: dict[str, Any], field: str, value: Any) -> None:
     place[last] = value
 
 
+def anywhere(options: MissionOptions) -> MissionOptions:
+    """The same options with all files by absolute paths, so that they mean the same in another folder."""
+    policy, others = options.policy, []
+    for text in options.set or []:
+        field, value = _setting(text)
+        if field == "policy" and isinstance(value, str):
+            policy = value  # --set comes after --policy
+        else:
+            others.append(text)
+    mission = options.mission
+    if mission is not None and (mission not in shipped_missions() or Path(mission).is_file()):
+        mission = str(Path(mission).absolute())
+    if policy is not None:
+        policy = from_folder(policy, Path.cwd())
+    return replace(options, mission=mission, policy=policy, set=others or None)
+
+
 def command_line(verb: str, options: MissionOptions, **instead: Any) -> str:
-    """The command that flies this again; ``instead`` replaces options, e.g. ``map=3``."""
+    """The command that does this again, in any folder; ``instead`` replaces options, e.g. ``map=3``."""
     words = ["rsc-swarm", verb]
-    for name, value in {**chosen(options), **instead}.items():
+    for name, value in {**chosen(anywhere(options)), **instead}.items():
         for item in value if isinstance(value, list) else [value]:
-            text = f"{item:g}" if isinstance(item, float) else str(item)
-            words += [flag(name), text]
+            words += [flag(name), repr(item).removesuffix(".0") if isinstance(item, float) else str(item)]
     return shlex.join(words)
 
 

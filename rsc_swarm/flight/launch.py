@@ -293,6 +293,16 @@ def serve_world(
         raise RunBroken(str(error)) from None
 
 
+def _login(file: Path) -> Login:
+    try:
+        return Login.from_json(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunBroken(f"{file}: cannot be read ({error.strerror})") from None
+    except ValueError as error:  # UnicodeDecodeError is one
+        text = "is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
+        raise RunBroken(f"{file}: {text}") from None
+
+
 def fly_agent(
     agent: int, endpoint: str, login_file: Path, on_ready: Callable[[float], None] = lambda seconds: None
 ) -> str:
@@ -304,15 +314,13 @@ def fly_agent(
     """
     leave = leave_on_sigterm()
     try:
-        login = Login.from_json(login_file.read_text())
+        login = _login(login_file)
         rehearse(parse_mission({"agents": 4}))
         with AgentLink(endpoint, login) as link:
             on_ready(time.time() - psutil.Process().create_time())
             reason = fly(link, agent, lambda: leave.asked)
     except PolicyError:
         raise
-    except OSError as error:
-        raise RunBroken(f"{login_file}: cannot be read ({error.strerror})") from None
     except (LinkError, ValueError) as error:
         raise RunBroken(str(error)) from None
     if reason == WORLD_SILENT:

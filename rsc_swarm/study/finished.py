@@ -16,17 +16,18 @@ from typing import Self
 
 import numba
 import numpy as np
+from pydantic import TypeAdapter
 
 from agent.policy import files_of, find_policy
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission
+from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.expert import EXPERT
 from rsc_swarm.batch.expert import FILES as EXPERT_FILES
 from rsc_swarm.study.workers import Flight, Seeds
-from world.core import Outcome
-from world.invariants import Watched
 
 _ROOT = Path(__file__).resolve().parents[2]
+_FLIGHT = TypeAdapter(Flight)
 _DECIDING = ("protocols", "agent", "world", "rsc_swarm/flight/simulate.py")
 
 
@@ -67,10 +68,13 @@ class FinishedFlights:
         """Open or make the journal.
 
         Raises:
-            FinishedFlightsError: another evaluation is writing it.
+            FinishedFlightsError: another evaluation is writing it, or it cannot be opened.
         """
         self.path = path
-        self._file = path.open("a+", encoding="utf-8")
+        try:
+            self._file = path.open("a+", encoding="utf-8", errors="replace")
+        except OSError as error:
+            raise FinishedFlightsError(f"{path}: cannot be written ({error.strerror})") from None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -89,10 +93,17 @@ class FinishedFlights:
             self._file.write("\n")
 
     def add(self, flight: Flight) -> None:
-        """Keep one more flight."""
+        """Keep one more flight.
+
+        Raises:
+            FinishedFlightsError: the disk is full, say.
+        """
         self.flights[flight.map_seed, flight.seed] = flight
-        self._file.write(json.dumps(asdict(flight)) + "\n")
-        self._file.flush()
+        try:
+            self._file.write(json.dumps(asdict(flight)) + "\n")
+            self._file.flush()
+        except OSError as error:
+            raise FinishedFlightsError(f"{self.path}: cannot be written ({error.strerror})") from None
 
     def __enter__(self) -> Self:
         return self
@@ -104,11 +115,9 @@ class FinishedFlights:
 
 
 def _parse(line: str) -> Flight | None:
-    """A flight, or None for a line that was cut off."""
+    """A flight, or None for a line that was cut off or is something else."""
     try:
-        fields = json.loads(line)
-        outcome, watched = fields.pop("outcome"), Watched(**fields.pop("watched"))
-        ended = Outcome(**{**outcome, "lost_agents": tuple(outcome["lost_agents"])})
-        return Flight(outcome=ended, watched=watched, **fields)
-    except (ValueError, TypeError, KeyError):
+        flight = _FLIGHT.validate_json(line, strict=True)
+    except ValueError:
         return None
+    return flight if flight.swaps.keys() == set(SWAP_COUNTS) else None

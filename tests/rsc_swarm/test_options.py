@@ -1,19 +1,26 @@
 """How command-line options, mission files and defaults become one mission."""
 
+import shlex
 from pathlib import Path
 
 import pytest
+import typer
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from protocols.mission.document import Mission, MissionError
+from protocols.mission.policy_name import from_folder
 from rsc_swarm.cli.mission import about
 from rsc_swarm.cli.options import (
     SHIPPED,
+    Aim,
     Formation,
     MissionOptions,
     Swap,
     command_line,
     resolve,
     shipped_missions,
+    with_options,
 )
 from rsc_swarm.flight.run_dir import mission_yaml
 from world.field import draw_obstacles, draw_start
@@ -57,6 +64,73 @@ def test_the_command_that_flies_it_again_names_what_was_asked_for():
         "rsc-swarm simulate --agents 9 --swap off --loss 0.5 --set hold_s=2 "
         "--set 'limits={speed_mps: 5}' --map 7"
     )
+
+
+def parsed(words: list[str]) -> MissionOptions:
+    """The options a command is given by these words."""
+    got: list[MissionOptions] = []
+
+    @with_options
+    def command(options: MissionOptions) -> None:
+        got.append(options)
+
+    app = typer.Typer()
+    app.command()(command)
+    app(words, standalone_mode=False)
+    return got[0]
+
+
+share, milliseconds = st.floats(0, 1), st.floats(0, 500)
+words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1)
+asked = st.fixed_dictionaries(
+    {},
+    optional={
+        "agents": st.integers(1, 250),
+        "formation": st.sampled_from([Formation.auto, Formation.line]),
+        "map": st.integers(0, 2**32 - 1),
+        "seed": st.integers(0, 2**32 - 1),
+        "policy": st.one_of(words, words.map("{}.py:Homing".format), words.map("{}/mine.onnx".format)),
+        "aim": st.sampled_from(Aim),
+        "swap": st.sampled_from(Swap),
+        "frame_rate": st.sampled_from([100.0, 50.0, 100 / 3, 10.0]),
+        "loss": share,
+        "burst": share,
+        "delay_ms": milliseconds,
+        "jitter_ms": milliseconds,
+        "duplicate": share,
+        "reorder": share,
+        "set": st.lists(
+            st.one_of(
+                st.builds("start.radius_m={:.9f}".format, st.floats(0, 5)),
+                st.builds("obstacles.discs=[[20, 0, {:.17f}]]".format, st.floats(1, 2)),
+                st.sampled_from(["policy=homing.py:Homing", "start.scrambled=true", "name='it''s \"so\"'"]),
+            )
+        ),
+    },
+)
+
+
+@given(asked)
+@example({"loss": 0.1234567890123, "delay_ms": 123456.789e-3, "set": ["policy=homing.py:Homing"], "policy": "cruise"})
+def test_the_command_that_flies_it_again_flies_the_same_mission_from_any_folder(asked):
+    options = MissionOptions(**asked)
+    name, verb, *again = shlex.split(command_line("simulate", options))
+    assert (name, verb) == ("rsc-swarm", "simulate")
+    first, second = resolve(options), resolve(parsed(again))
+    named = first.model_copy(update={"policy": from_folder(first.policy, Path.cwd())})
+    assert named == second
+
+
+def test_files_are_named_so_that_they_are_found_from_any_folder(tmp_path, monkeypatch):
+    (tmp_path / "my missions").mkdir()
+    (tmp_path / "my missions" / "a.yaml").write_text("policy: homing.py:Homing\nagents: 3\n")
+    monkeypatch.chdir(tmp_path)
+    options = MissionOptions(mission="my missions/a.yaml")
+    assert resolve(options).policy == "my missions/homing.py:Homing", "as the mission file says, from its folder"
+    again = shlex.split(command_line("simulate", options))
+    assert again == ["rsc-swarm", "simulate", "--mission", f"{tmp_path}/my missions/a.yaml"]
+    monkeypatch.chdir("/")
+    assert resolve(parsed(again[2:])).policy == f"{tmp_path}/my missions/homing.py:Homing"
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,10 @@
 """Pictures of figures: success against horizon, and the curves of a training."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from rsc_swarm.show.plots.style import FAINT, INK, LINES, ROCK, PlotError, bare, new_figure, save
 from rsc_swarm.study.tables.result import RowResult, TableResult
@@ -13,6 +14,7 @@ _PANELS = (
     ("mae_m", "error of the foretold positions, 1e-4 m", "log"),
     ("success", "success of ended episodes, %", "linear"),
 )
+_SCALARS = TypeAdapter(dict[str, float | None])
 _SCALE = {"loss": 1.0, "mae_m": 1e4, "success": 100.0}
 
 
@@ -24,8 +26,9 @@ def draw_horizons(result: TableResult, out: Path) -> None:
     """
     ways: dict[str, dict[int, RowResult]] = {}
     for row in result.rows:
-        if row.policy.startswith("rsc-h") and not row.place:
-            ways.setdefault(row.way, {})[int(row.policy.removeprefix("rsc-h"))] = row
+        steps = row.policy.removeprefix("rsc-h")
+        if steps.isascii() and steps.isdecimal() and not row.place:
+            ways.setdefault(row.way, {})[int(steps)] = row
     if not ways:
         raise PlotError(f"table {result.table} has no RSC rows yet; rsc-swarm evaluate --table 1 flies them")
     papers = {h: row.paper.success_pct for rows in ways.values() for h, row in rows.items() if row.paper}
@@ -93,9 +96,9 @@ def draw_curves(folders: Sequence[Path], out: Path) -> None:
         bare(axes)
         for (folder, lines), colour in zip(curves.items(), LINES, strict=False):
             points = [
-                (line["updates"] / 1000, _SCALE[name] * line[name])
+                (updates / 1000, _SCALE[name] * value)
                 for line in lines
-                if line.get(name) is not None
+                if (updates := line["updates"]) is not None and (value := line.get(name)) is not None
             ]
             if points:
                 axes.plot(
@@ -120,7 +123,7 @@ def _plain_numbers(axes: Any) -> None:
     axes.yaxis.set_major_formatter("{x:g}")
 
 
-def read_curve(folder: Path) -> list[dict[str, Any]]:
+def read_curve(folder: Path) -> list[dict[str, float | None]]:
     """The lines of ``curve.jsonl``, which training writes into its folder.
 
     Raises:
@@ -128,13 +131,14 @@ def read_curve(folder: Path) -> list[dict[str, Any]]:
     """
     path = folder / "curve.jsonl"
     try:
-        lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-        if lines and all("updates" in line for line in lines):
+        texts = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        lines = [_SCALARS.validate_json(text, strict=True) for text in texts]
+        if lines and all(line.get("updates") is not None for line in lines):
             return lines
     except OSError as error:
         raise PlotError(
             f"{path}: cannot be read ({error.strerror}); --curve wants a folder of rsc-swarm train"
         ) from None
-    except (ValueError, TypeError):
+    except ValueError:
         pass
     raise PlotError(f"{path}: is not the curve of a training")

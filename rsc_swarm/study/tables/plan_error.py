@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from agent.policy.model_file import SHIPPED
 from protocols.mission.document import Mission, MissionError
@@ -35,7 +38,8 @@ def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accu
         f"{journal.name.removesuffix('.journal.jsonl')}.accuracy-{maps[0]}-{len(maps)}.json"
     )
     if kept.is_file():
-        return Accuracy.model_validate_json(kept.read_bytes())
+        with suppress(ValidationError, OSError):  # what cannot be read is measured anew
+            return Accuracy.model_validate_json(kept.read_bytes())
     measured = _in_child(model, mission, maps)
     write_whole(kept, measured.model_dump_json() + "\n")
     return measured

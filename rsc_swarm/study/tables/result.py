@@ -22,7 +22,7 @@ class TableError(SwarmError, RuntimeError):
 class Accuracy(BaseModel):
     """How well a model foretells the expert, and how well constant velocity does: mean absolute error over the horizon, m."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     model_m: float
     constant_velocity_m: float
@@ -31,7 +31,7 @@ class Accuracy(BaseModel):
 class RowResult(BaseModel):
     """A flown row. Rates are shares of all runs."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     key: str = Field(description="the words by which --rows finds the row")
     place: str = Field(description="where it was flown; empty if the table has one place only")
@@ -75,7 +75,7 @@ def _known(table: str) -> str:
 class TableResult(BaseModel):
     """A table as far as it has been flown, rows in the table's order."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     table: Annotated[str, AfterValidator(_known)]
     title: str

@@ -1,0 +1,85 @@
+"""With what a flight was flown: enough to tell later whether it can be flown again."""
+
+import hashlib
+import os
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from agent.policy import files_of, find_policy
+from protocols.mission.document import Mission
+
+_ROOT = Path(__file__).resolve().parents[2]
+_GIT_S = 10.0
+
+
+class Provenance(BaseModel):
+    """The code and the versions that decide a flight besides its mission."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    version: str = Field(description="of rsc-swarm")
+    commit: str | None = Field(
+        description="of the checkout; ends in -dirty if files differed from it; null if it was no checkout"
+    )
+    python: str = Field(description="version")
+    numpy: str = Field(description="version")
+    numba: str = Field(description="version")
+    onnxruntime: str = Field(description="version")
+    policy_files: dict[str, str] = Field(
+        description="SHA-256 of each file besides the project's code that decided what the policy did, by its name: "
+        "its model, or its code"
+    )
+
+
+def provenance(mission: Mission) -> Provenance:
+    """With what this mission would be flown here and now.
+
+    Raises:
+        agent.policy.PolicyError: its policy cannot be had.
+    """
+    files = files_of(find_policy(mission.policy, mission))
+    return Provenance(
+        **{name.replace("-", "_"): _version(name) for name in ("numpy", "numba", "onnxruntime")},
+        version=_version("rsc-swarm"),
+        commit=commit(),
+        python=platform.python_version(),
+        policy_files={file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+    )
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+@cache
+def commit() -> str | None:
+    """The commit of the checkout this code runs from, with ``-dirty`` if its files differ; None if it is no checkout."""
+    top, head = _git("rev-parse", "--show-toplevel"), _git("rev-parse", "HEAD")
+    if not top or not head or Path(top) != _ROOT:
+        return None
+    changed = _git("status", "--porcelain", "--untracked-files=no")
+    return f"{head}-dirty" if changed or changed is None else head
+
+
+def _git(*words: str) -> str | None:
+    """What git says about the checkout; None if it says no, or there is none."""
+    elsewhere = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")  # set inside hooks
+    try:
+        run = subprocess.run(
+            ["git", "-C", str(_ROOT), "--no-optional-locks", *words],
+            env={name: value for name, value in os.environ.items() if name not in elsewhere},
+            capture_output=True,
+            text=True,
+            timeout=_GIT_S,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return run.stdout.strip() if run.returncode == 0 else None

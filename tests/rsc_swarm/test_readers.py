@@ -1,0 +1,139 @@
+"""What is read back from files may be anything: it is understood, skipped, or refused in one line that names the file."""
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.mission.document import Mission, Obstacles
+from protocols.wire.keys import Login
+from rsc_swarm.flight.launch import RunBroken, fly_agent
+from rsc_swarm.show.plots.curves import read_curve
+from rsc_swarm.show.plots.style import PlotError
+from rsc_swarm.study.evaluate import summarise
+from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError
+from rsc_swarm.study.tables.markdown import markdown
+from rsc_swarm.study.tables.result import TableError, read_table
+from rsc_swarm.study.workers import fly_batch
+
+RESULTS = Path(__file__).parents[2] / "docs" / "results"
+MISSION = Mission(
+    agents=1, time_limit_s=0.05, obstacles=Obstacles(discs=())
+)  # so that it is infinitely far from anything
+
+NASTY = [
+    b"null", b"true", b"-1", b"1e999", b"-1e999", b"NaN", b"1" * 5000, b'"\\ud800"', b'"\xff"', b"{}", b"[]", b"[[]]",
+    b"[" * 100_000, b'{"a":' * 5000, b"\x00", b"", b'"1"', b"1.5",
+]  # fmt: skip
+
+
+@st.composite
+def damaged(draw: st.DrawFn, good: bytes) -> bytes:
+    """A file's content with one thing wrong: a value replaced, a piece lost, something else altogether."""
+    kind = draw(st.sampled_from(["value", "cut", "piece", "nonsense", "nasty"]))
+    if kind == "nonsense":
+        return draw(st.binary(max_size=60))
+    if kind == "nasty":
+        return draw(st.sampled_from(NASTY))
+    at = draw(st.integers(0, len(good) - 1))
+    if kind == "cut":
+        return good[:at]
+    if kind == "piece":
+        return good[:at] + draw(st.binary(max_size=5)) + good[at + draw(st.integers(0, 20)) :]
+    begin = good.find(b": ", at) + 2 or 1
+    ends = [end for mark in (b",", b"}", b"\n") if (end := good.find(mark, begin)) > 0]
+    return good[:begin] + draw(st.sampled_from(NASTY)) + good[min(ends, default=len(good)) :]
+
+
+def journal_line() -> bytes:
+    with TemporaryDirectory() as folder, FinishedFlights(Path(folder) / "journal") as book:
+        for said in fly_batch(MISSION, [(3, 5)]):
+            if not isinstance(said, int):
+                book.add(said)
+        return book.path.read_bytes()
+
+
+JOURNAL = journal_line()
+LOGIN = Login("rsc", 3, "secret").to_json().encode()
+TABLE = (RESULTS / "table-slots.json").read_bytes()
+CURVE = b'{"updates": 100, "loss": 0.5, "success": null}\n{"updates": 200, "loss": NaN}\n'
+
+
+def read_journal(path: Path) -> None:
+    with FinishedFlights(path) as book:
+        if book.flights:
+            summarise(MISSION, list(book.flights.values()), 1, "")
+
+
+READERS: dict[str, tuple[Callable[[Path], Any], bytes, type[Exception]]] = {
+    "journal.jsonl": (read_journal, JOURNAL, FinishedFlightsError),
+    "table-slots.json": (lambda path: markdown(read_table(path)), TABLE, TableError),
+    "curve.jsonl": (lambda path: read_curve(path.parent), CURVE, PlotError),
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+@given(data=st.data())
+def test_no_content_is_more_than_one_line_of_trouble(name: str, data: st.DataObject) -> None:
+    read, good, refusal = READERS[name]
+    content = data.draw(damaged(good))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(content)
+        told = None
+        try:
+            read(path)
+        except refusal as error:
+            told = str(error)
+        assert told is None or (str(path) in told and "\n" not in told)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_what_was_written_here_is_read(name: str, tmp_path: Path) -> None:
+    read, good, _ = READERS[name]
+    (tmp_path / name).write_bytes(good)
+    read(tmp_path / name)
+
+
+@given(damaged(LOGIN))
+def test_a_login_is_one_or_it_is_refused(content: bytes) -> None:
+    with suppress(ValueError):
+        login = Login.from_json(content.decode(errors="replace"))
+        assert Login.from_json(login.to_json()) == login
+        assert type(login.agent) is int
+
+
+@pytest.mark.parametrize(
+    "content", [b"\xff", b"null", b"[" * 100_000, b'{"swarm": null, "agent": 1e999, "password": ""}']
+)
+def test_a_login_file_that_is_none_is_named(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "agent-3.json"
+    path.write_bytes(content)
+    with pytest.raises(RunBroken) as told:
+        fly_agent(3, "tcp/localhost:1", path)
+    assert str(told.value).startswith(f"{path}: ")
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("garbage", NASTY)
+def test_a_journal_keeps_what_is_good_beside_what_is_not(garbage: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    text = json.loads(JOURNAL)
+    wrong = [
+        {**text, "map_seed": 9, "swaps": {}},
+        {**text, "map_seed": "9"},
+    ]
+    path.write_bytes(b"\n".join([garbage, *(json.dumps(line).encode() for line in wrong), JOURNAL.strip()]))
+    with FinishedFlights(path) as book:
+        assert set(book.flights) == {(3, 5)}
+
+
+def test_a_journal_that_cannot_be_had_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FinishedFlightsError, match=rf"^{tmp_path}: cannot be written \(Is a directory\)"):
+        FinishedFlights(tmp_path)
