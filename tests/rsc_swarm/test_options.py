@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import typer
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from protocols.mission.document import Mission, MissionError
@@ -110,8 +110,16 @@ asked = st.fixed_dictionaries(
 )
 
 
+@settings(max_examples=30)
 @given(asked)
-@example({"loss": 0.1234567890123, "delay_ms": 123456.789e-3, "set": ["policy=homing.py:Homing"], "policy": "cruise"})
+@example(
+    {
+        "loss": 0.1234567890123,
+        "delay_ms": 123456.789e-3,
+        "set": ["policy=homing.py:Homing"],
+        "policy": "cruise",
+    }
+)
 def test_the_command_that_flies_it_again_flies_the_same_mission_from_any_folder(asked):
     options = MissionOptions(**asked)
     name, verb, *again = shlex.split(command_line("simulate", options))
@@ -126,7 +134,9 @@ def test_files_are_named_so_that_they_are_found_from_any_folder(tmp_path, monkey
     (tmp_path / "my missions" / "a.yaml").write_text("policy: homing.py:Homing\nagents: 3\n")
     monkeypatch.chdir(tmp_path)
     options = MissionOptions(mission="my missions/a.yaml")
-    assert resolve(options).policy == "my missions/homing.py:Homing", "as the mission file says, from its folder"
+    assert resolve(options).policy == "my missions/homing.py:Homing", (
+        "as the mission file says, from its folder"
+    )
     again = shlex.split(command_line("simulate", options))
     assert again == ["rsc-swarm", "simulate", "--mission", f"{tmp_path}/my missions/a.yaml"]
     monkeypatch.chdir("/")
