@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agent.control.gains import limits_for
+from agent.control.gains import gains_for, limits_for
 from agent.tick_arrays import Rules, Shape
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
@@ -28,7 +28,8 @@ def rules_of(mission: Mission) -> Rules:
         reach_m=mission.sensing.range_m,
         margin_m=mission.swap.margin_m,
         target_mps=mission.target.speed_mps,
-        limits=limits_for(mission.limits.acceleration_mps2),
+        gains=gains_for(mission.limits.collision_m),
+        limits=limits_for(mission.limits.acceleration_mps2, mission.limits.collision_m),
     )
 
 

@@ -103,7 +103,7 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
         if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
             ax, ay = 0.0, 0.0
         if rules.detour:
-            ax, ay = leave_pocket(ax, ay, row, work, sensed, memory)
+            ax, ay = leave_pocket(ax, ay, row, rules, work, sensed, memory)
         if rules.filtered:
             ax, ay = safety_filter(
                 ax, ay, sensed.motion[row, 2], sensed.motion[row, 3], memory.near_count[row], memory.near_rel[row],

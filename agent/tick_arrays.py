@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.control.gains import SafetyLimits
+from agent.control.gains import Gains, SafetyLimits
 from agent.memory import Memory
 from protocols.kernels import borrowed, by_reference, kernel
 from protocols.slots import trigger
@@ -35,6 +35,7 @@ class Rules(NamedTuple):
     reach_m: float
     margin_m: float
     target_mps: float
+    gains: Gains
     limits: SafetyLimits
 
 

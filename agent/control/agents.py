@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from agent.control.gains import Gains
 from protocols.kernels import inlined_kernel
 
-CONTACT = 0.5  #: m, the distance at which two agents collide
-
 
 @inlined_kernel
 def pair_term(
@@ -48,7 +46,7 @@ def pair_term(
             a_x -= aside * n_y
             a_y += aside * n_x
     if d < gains.agent_barrier_range:
-        push = gains.agent_barrier * (gains.agent_barrier_range - d) / max(d - CONTACT + 0.01, 0.01)
+        push = gains.agent_barrier * (gains.agent_barrier_range - d) / max(d - gains.contact_m + 0.01, 0.01)
         a_x += push * n_x
         a_y += push * n_y
 
@@ -70,7 +68,7 @@ def pair_term(
                 miss_y = w_x / speed
             push = gains.predict_gain * conflict * math.exp(-time / gains.predict_time) * speed
             closing = -opening / d
-            brake = gains.agent_brake * conflict * closing * closing / (2.0 * max(d - CONTACT, 0.1))
+            brake = gains.agent_brake * conflict * closing * closing / (2.0 * max(d - gains.contact_m, 0.1))
             a_x += push * miss_x + brake * n_x
             a_y += push * miss_y + brake * n_y
     return a_x, a_y

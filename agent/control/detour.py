@@ -12,18 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.agents import agent_terms
-from agent.control.gains import GAINS, LIMITS
 from agent.memory import Memory
-from agent.tick_arrays import Work
+from agent.tick_arrays import Rules, Work
 from protocols.kernels import inlined_kernel, kernel
 from protocols.wire.sensed import Sensed
 
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
 _FAR_M = 2.0  # nearer to the slot is arriving
-# Kept from surfaces on the way around: room to fly in, also for a drone that can do less than it believes. Where there is no
-# such way, hardly more than the safety filter keeps, so that the way in is a way out.
-_WIDE_M, _TIGHT_M = LIMITS.obstacle_clearance + 0.2, LIMITS.obstacle_clearance + 0.02
+# Kept from surfaces on the way around, beyond what the safety filter keeps: room to fly in, also for a drone that can do less
+# than it believes. Where there is no such way, hardly more than nothing, so that the way in is a way out.
+_WIDE_M, _TIGHT_M = 0.2, 0.02
 _CORNERS = 16  # of the polygon around a disc
 _PLAN_TICKS = 10  # from plan to plan; where the obstacles are hardly changes
 _REACHED_M = 0.6  # nearer to a corner the next one is looked for
@@ -122,7 +121,7 @@ def next_corner(
 
 @inlined_kernel
 def leave_pocket(
-    a_x: float, a_y: float, row: int, work: Work, sensed: Sensed, memory: Memory
+    a_x: float, a_y: float, row: int, rules: Rules, work: Work, sensed: Sensed, memory: Memory
 ) -> tuple[float, float]:
     """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``."""
     error, motion, target_velocity = work.slot_error[row], sensed.motion[row], work.target_velocity[row]
@@ -137,9 +136,10 @@ def leave_pocket(
     x, y = way[0] - motion[0], way[1] - motion[1]
     if on_detour % _PLAN_TICKS == 0 or (way[2] > 0.0 and x * x + y * y < _REACHED_M * _REACHED_M):
         m, rel, radius = memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
-        corners, x, y = next_corner(error[0], error[1], m, rel, radius, _WIDE_M)
+        kept = rules.limits.obstacle_clearance
+        corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _WIDE_M)
         if corners < 0:
-            corners, x, y = next_corner(error[0], error[1], m, rel, radius, _TIGHT_M)
+            corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _TIGHT_M)
         way[0], way[1], way[2] = motion[0] + x, motion[1] + y, corners
     if way[2] < 0.0 or (way[2] == 0.0 and (far < _HOME_M or on_detour == 0)):
         memory.stalled[row] = 0
@@ -155,6 +155,6 @@ def leave_pocket(
     length = max(math.sqrt(x * x + y * y), 1e-9)
     u_x, u_y = x / length, y / length
     apart_x, apart_y = agent_terms(
-        memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, GAINS
+        memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, rules.gains
     )
     return _GAIN * (speed * u_x - v_x) + apart_x, _GAIN * (speed * u_y - v_y) + apart_y

@@ -16,7 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.gains import GAINS
 from protocols.kernels import inlined_kernel
+from protocols.mission.document import Mission
 
 
 class Flocking(NamedTuple):
@@ -42,6 +44,13 @@ class Flocking(NamedTuple):
     gamma_pull: float = 0.001  #: m/s^2, c1 of gamma, towards the virtual leader
     gamma_damping: float = 0.02  #: 1/s, c2 of gamma, on the velocity relative to the virtual leader's
     epsilon: float = 59.0  #: 1/m^2, of the sigma-norm
+
+
+def flocking_for(mission: Mission) -> Flocking:
+    """The constants for a mission: obstacles count the farther away, the farther away one collides with them."""
+    farther = mission.limits.collision_m - GAINS.contact_m
+    flocking = Flocking(mission.formation.spacing_m, mission.sensing.range_m)
+    return flocking._replace(beta_range_m=flocking.beta_range_m + farther)
 
 
 @inlined_kernel

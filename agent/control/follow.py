@@ -16,25 +16,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.fusion import apf_blend
-from agent.control.gains import REACTIVE
+from agent.control.gains import Gains, gains_for, reactive_part
 from agent.control.tracking import required_acceleration, smooth_acceleration
 from agent.policy.analytic_kernel import analytic
 from protocols.dynamics import TICK_S
 from protocols.kernels import inlined_kernel
-from protocols.mission.document import Trajectory
+from protocols.mission.document import Mission
 
 
 class Following(NamedTuple):
-    """How plans are flown: by the paper's a_req or smoothly; the distance at which the blend begins [m], 0 for none."""
+    """How plans are flown: by the paper's a_req or smoothly; the distance at which the blend begins [m], 0 for none; and what
+    is blended in."""
 
     required: bool
     blend_radius_m: float
+    reactive: Gains
 
 
-def following_of(trajectory: Trajectory) -> Following:
-    """A mission's section as kernels need it."""
+def following_of(mission: Mission) -> Following:
+    """A mission as kernels need it."""
+    trajectory = mission.trajectory
     return Following(
-        trajectory.tracking == "required", trajectory.blend_radius_m if trajectory.blend else 0.0
+        required=trajectory.tracking == "required",
+        blend_radius_m=trajectory.blend_radius_m if trajectory.blend else 0.0,
+        reactive=reactive_part(gains_for(mission.limits.collision_m)),
     )
 
 
@@ -111,6 +116,17 @@ def follow_row(
     if min(r_agent, r_obs) >= following.blend_radius_m:
         return a_x, a_y
     apf_x, apf_y = analytic(
-        slot_error, slot_error, velocity, target_velocity, k, rel, vel, m, o_rel, o_radius, o_side, REACTIVE
+        slot_error,
+        slot_error,
+        velocity,
+        target_velocity,
+        k,
+        rel,
+        vel,
+        m,
+        o_rel,
+        o_radius,
+        o_side,
+        following.reactive,
     )
     return apf_blend(a_x, a_y, apf_x, apf_y, r_agent, r_obs, following.blend_radius_m)

@@ -14,6 +14,8 @@ class Gains(NamedTuple):
     centre for agents and centre to surface for obstacles.
     """
 
+    contact_m: float = 0.5  #: m, distance that counts as a collision: limits.collision_m of the mission
+
     # Attraction: chain target (set by the leader), slot target (set by the virtual target), heading.
     chain_pull: float = 0.546  #: 1/s², pull towards the chain target
     chain_reach: float = 1.095  #: m, chain error beyond which the pull no longer grows
@@ -62,17 +64,41 @@ class SafetyLimits(NamedTuple):
     row_limit: float = 9.0  #: m/s², no single row asks for more than this
 
 
-GAINS = Gains()
-REACTIVE = GAINS._replace(
-    chain_pull=0.0, chain_damping=0.0
-)  # what is left for the moment: slot, obstacles, agents
+GAINS = Gains()  # found for drones that collide at 0.5 m
 LIMITS = SafetyLimits()
 
 
-def limits_for(max_acceleration: float) -> SafetyLimits:
-    """The limits of drones that accelerate by at most so much [m/s²]: all that is counted on changes with it."""
-    share = max_acceleration / LIMITS.max_acceleration
+def gains_for(collision_m: float) -> Gains:
+    """The gains of drones that collide at so much [m]: every distance at which they begin to keep apart moves along with it.
+
+    Two obstacles that a drone passes between need room on both sides. Within which distance obstacles are looked at, and how
+    steeply pushes grow, does not change.
+    """
+    farther = collision_m - GAINS.contact_m
+    return GAINS._replace(
+        contact_m=collision_m,
+        morse_range=GAINS.morse_range + farther,
+        predict_radius=GAINS.predict_radius + farther,
+        agent_barrier_range=GAINS.agent_barrier_range + farther,
+        obstacle_range=GAINS.obstacle_range + farther,
+        obstacle_barrier_range=GAINS.obstacle_barrier_range + farther,
+        cluster_gap=GAINS.cluster_gap + 2.0 * farther,
+        lane=max(GAINS.lane + farther, 0.0),
+    )
+
+
+def reactive_part(gains: Gains) -> Gains:
+    """What is left of them for the moment: slot, obstacles, agents."""
+    return gains._replace(chain_pull=0.0, chain_damping=0.0)
+
+
+def limits_for(max_acceleration: float, collision_m: float) -> SafetyLimits:
+    """The limits of drones that accelerate by at most so much [m/s²] and collide at so much [m]: all that is counted on changes
+    with it."""
+    share, farther = max_acceleration / LIMITS.max_acceleration, collision_m - GAINS.contact_m
     return LIMITS._replace(
+        agent_clearance=LIMITS.agent_clearance + farther,
+        obstacle_clearance=LIMITS.obstacle_clearance + farther,
         max_acceleration=max_acceleration,
         agent_brake=share * LIMITS.agent_brake,
         obstacle_brake=share * LIMITS.obstacle_brake,

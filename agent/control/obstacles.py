@@ -12,7 +12,7 @@ A push alone leaves an agent in front of an obstacle where push and attraction b
   attraction that points into it.
 
 ``n`` is the outward unit normal (obstacle to agent), ``d`` the distance from the surface, and
-``q = (range - d)/(range - 0.5)`` grows from 0 at the range to 1 at contact distance.
+``q = (range - d)/(range - contact)`` grows from 0 at the range to 1 at contact distance.
 """
 
 import math
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from agent.control.gains import Gains
 from protocols.kernels import inlined_kernel
 
-CONTACT = 0.5  #: m from the surface, the distance that counts as a collision
 LEFT = 1
 RIGHT = -1
 
@@ -123,13 +122,17 @@ def obstacle_term(
         return 0.0, 0.0
     n_x = -r_x / centre
     n_y = -r_y / centre
-    q = (gains.obstacle_range - d) / (gains.obstacle_range - CONTACT)
+    q = (gains.obstacle_range - d) / (gains.obstacle_range - gains.contact_m)
     push = gains.obstacle_repulsion * q * q
     closing = -(v_x * n_x + v_y * n_y)
     if closing > 0.0:
-        push += gains.obstacle_brake * closing * closing / (2.0 * max(d - CONTACT, 0.1))
+        push += gains.obstacle_brake * closing * closing / (2.0 * max(d - gains.contact_m, 0.1))
     if d < gains.obstacle_barrier_range:
-        push += gains.obstacle_barrier * (gains.obstacle_barrier_range - d) / max(d - CONTACT + 0.01, 0.01)
+        push += (
+            gains.obstacle_barrier
+            * (gains.obstacle_barrier_range - d)
+            / max(d - gains.contact_m + 0.01, 0.01)
+        )
     along = 0.0
     if passing != 0 and r_x * u_x + r_y * u_y > 0.0:
         inward = pull_x * n_x + pull_y * n_y

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.control.gains import GAINS
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Seen
 from agent.tick_arrays import TickArrays
@@ -28,7 +27,7 @@ def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
                 memory.obstacle_rel[row],
                 memory.obstacle_radius[row],
                 memory.disc_side[row],
-                GAINS,
+                arrays.rules.gains,
             )
 
 

@@ -49,7 +49,7 @@ class Learned:
             raise PolicyError(
                 f"trajectory.replan_ticks: {self._replan}, but {mission.policy} plans {facts.horizon} ticks; give at most that"
             )
-        following = following_of(trajectory)
+        following = following_of(mission)
         if (
             facts.output != "knots"
         ):  # raw plans hold no accelerations to follow; an action is carried out as it is

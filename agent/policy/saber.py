@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.attraction import attraction
-from agent.control.flocking import Flocking, flocking
-from agent.control.gains import GAINS
+from agent.control.flocking import Flocking, flocking, flocking_for
 from agent.policy.base import Seen
 from agent.tick_arrays import TickArrays
 from protocols.kernels import kernel
@@ -32,7 +31,7 @@ def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> No
         )  # fmt: skip
         form_x, form_y = attraction(
             work.chain_error[row, 0], work.chain_error[row, 1], work.slot_error[row, 0], work.slot_error[row, 1],
-            v_x, v_y, vt_x, vt_y, GAINS,
+            v_x, v_y, vt_x, vt_y, arrays.rules.gains,
         )  # fmt: skip
         wanted[row, 0], wanted[row, 1] = flock_x + form_x, flock_y + form_y
 
@@ -41,7 +40,7 @@ class Saber:
     """Flocks at the formation's spacing with all neighbours in sight, and is drawn to its slot as ``analytic`` is."""
 
     def __init__(self, mission: Mission) -> None:
-        self._gains = Flocking(mission.formation.spacing_m, mission.sensing.range_m)
+        self._gains = flocking_for(mission)
 
     def act(self, seen: Seen) -> NDArray[np.float64]:
         """Wanted acceleration (A, 2) m/s^2."""

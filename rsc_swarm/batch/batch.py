@@ -105,7 +105,7 @@ class Batch:
             collision_m=mission.limits.collision_m,
             last_tick=mission.ticks,
             cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
-            following=following_of(mission.trajectory),
+            following=following_of(mission),
         )
         self._scratch = kernels.Scratch(
             np.zeros(agents, np.int64),

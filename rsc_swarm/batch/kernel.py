@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from agent.control.detour import leave_pocket
 from agent.control.follow import Following, follow_row
-from agent.control.gains import GAINS
 from agent.control.safety import safety_filter
 from agent.memory import Memory
 from agent.observation import aim_row, compressed, observe_row, observe_wide_row
@@ -153,7 +152,7 @@ def _expert(
         scratch.radius[index], scratch.side[index] = disc[2], 0
     ax, ay = analytic(
         work.slot_error[row], work.slot_error[row], motion[2:4], work.target_velocity[row], memory.near_count[row],
-        memory.near_rel[row], memory.near_vel[row], count, scratch.rel, scratch.radius, scratch.side, GAINS,
+        memory.near_rel[row], memory.near_vel[row], count, scratch.rel, scratch.radius, scratch.side, rules.gains,
     )  # fmt: skip
     return safety_filter(
         ax, ay, motion[2], motion[3], memory.near_count[row], memory.near_rel[row], memory.near_vel[row], count, scratch.rel,
@@ -181,7 +180,7 @@ def _decentralized(
     if stage.pilot[world] == ANALYTIC:
         ax, ay = analytic(
             work.slot_error[row], work.slot_error[row], motion[2:4], work.target_velocity[row], memory.near_count[row],
-            near_rel, near_vel, memory.disc_count[row], obstacle_rel, radius, side, GAINS,
+            near_rel, near_vel, memory.disc_count[row], obstacle_rel, radius, side, rules.gains,
         )  # fmt: skip
     else:
         ax, ay = follow_row(
@@ -190,7 +189,7 @@ def _decentralized(
             memory.disc_count[row], obstacle_rel, radius, side, field.following,
         )  # fmt: skip
     if rules.detour:
-        ax, ay = leave_pocket(ax, ay, row, work, sensed, memory)
+        ax, ay = leave_pocket(ax, ay, row, rules, work, sensed, memory)
     if rules.filtered:
         ax, ay = safety_filter(
             ax, ay, motion[2], motion[3], memory.near_count[row], near_rel, near_vel, memory.disc_count[row], obstacle_rel,

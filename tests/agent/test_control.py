@@ -8,7 +8,7 @@ import pytest
 from agent.control.agents import agent_terms, pair_term
 from agent.control.attraction import attraction, heading, saturated
 from agent.control.fusion import apf_blend, risk_weight
-from agent.control.gains import GAINS, LIMITS, Gains
+from agent.control.gains import GAINS, gains_for, limits_for
 from agent.control.obstacles import LEFT, RIGHT, choose_side, cluster_of, obstacle_term, obstacle_terms
 from agent.control.safety import safety_filter
 from agent.control.tracking import required_acceleration, smooth_acceleration
@@ -203,7 +203,7 @@ def fly(
     slots: list[tuple[float, float]],
     obstacles: list[tuple[float, float, float]],
     seconds: float,
-    gains: Gains = GAINS,
+    collision_m: float = GAINS.contact_m,
 ) -> tuple[np.ndarray, float, float]:
     """Fly with perfect sensing: final slot errors (N,), least distance of a pair, least of a surface."""
     p = np.array(start, float)
@@ -225,8 +225,8 @@ def fly(
             radius = np.ascontiguousarray(table[:, 2])
             near = (len(others), rel, vel, len(table), o_rel, radius)
             error = target[i] - p[i]
-            wish = analytic(error, error, v[i], v_target, *near, side[i], gains)
-            a[i] = safety_filter(*wish, *v[i], *near, LIMITS)
+            wish = analytic(error, error, v[i], v_target, *near, side[i], gains_for(collision_m))
+            a[i] = safety_filter(*wish, *v[i], *near, limits_for(10.0, collision_m))
             apart = min(apart, *np.hypot(*rel.T), math.inf)
             clear = min(clear, *(np.hypot(*o_rel.T) - radius), math.inf)
         p += DT / 2 * (v + v + a * DT)
@@ -252,10 +252,23 @@ def test_it_leaves_a_pocket_of_three_discs():
     assert error[0] < 0.25
 
 
-def test_agents_that_must_trade_places_pass_each_other():
-    error, apart, _ = fly([(5.0, 0.0), (0.0, 0.0)], [(0.0, 0.0), (5.0, 0.0)], [], 8.0)
-    assert apart > 0.5
+@pytest.mark.parametrize("collision_m", [0.2, 0.5, 0.9, 1.2])
+def test_agents_that_must_trade_places_pass_each_other(collision_m):
+    error, apart, _ = fly([(5.0, 0.0), (0.0, 0.0)], [(0.0, 0.0), (5.0, 0.0)], [], 8.0, collision_m)
+    assert apart > collision_m
     assert max(error) < 0.25
+
+
+@pytest.mark.parametrize("collision_m", [0.2, 0.5, 0.9, 1.2])
+def test_obstacles_are_passed_beyond_the_distance_at_which_one_collides_with_them(collision_m):
+    pocket = [(14.0, 0.0, 2.0), (12.0, 3.5, 1.5), (12.0, -3.2, 1.5)]
+    error, _, clear = fly([(0.0, 0.0)], [(0.0, 0.0)], pocket, 15.0, collision_m)
+    assert collision_m < clear < collision_m + 0.9
+    assert error[0] < 0.25
+
+
+def test_the_gains_of_the_usual_contact_distance_are_the_ones_that_were_found():
+    assert gains_for(0.5) == GAINS
 
 
 def test_a_row_of_agents_reassembles_behind_an_obstacle():

@@ -7,8 +7,9 @@ import pytest
 
 from agent.control.detour import STALLED_TICKS, leave_pocket, next_corner
 from agent.memory import Memory, empty_memory
+from agent.rules import rules_of
 from agent.tick_arrays import empty_work
-from protocols.mission.document import parse_mission
+from protocols.mission.document import Mission, parse_mission
 from protocols.wire.sensed import empty_sensed
 from rsc_swarm.flight.simulate import simulate
 
@@ -46,7 +47,7 @@ def led(
     work, sensed = empty_work(np.array([0]), 0), empty_sensed(1)
     work.slot_error[0], work.target_velocity[0, 0] = slot, target_mps
     sensed.motion[0, 2:] = speed
-    return leave_pocket(*wanted, 0, work, sensed, memory)
+    return leave_pocket(*wanted, 0, rules_of(Mission()), work, sensed, memory)
 
 
 def out_of_the_cup() -> Memory:

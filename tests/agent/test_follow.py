@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from agent.control.follow import Following, follow_row, following_of, track_row
-from agent.control.gains import REACTIVE
+from agent.control.gains import GAINS, gains_for, reactive_part
 from agent.policy.analytic_kernel import analytic
 from protocols.dynamics import TICK_S, integrate
-from protocols.mission.document import Trajectory, parse_mission
+from protocols.mission.document import Mission, Trajectory, parse_mission
 
-SMOOTH = Following(required=False, blend_radius_m=0.0)
-REQUIRED = Following(required=True, blend_radius_m=0.0)
 START = np.array([2.0, -1.0, 3.0, 0.5])
 
 
@@ -76,12 +74,14 @@ def follow(
         0, START, still, still, START[:2], START[2:], slot_error, target_velocity, *around, o_side, following
     )
     o_side = np.zeros(len(discs), np.int8)
-    reactive = analytic(slot_error, slot_error, START[2:], target_velocity, *around, o_side, REACTIVE)
+    reactive = analytic(
+        slot_error, slot_error, START[2:], target_velocity, *around, o_side, following.reactive
+    )
     return wanted, reactive
 
 
 def test_the_nearer_the_next_thing_the_more_the_reactive_controller_counts() -> None:
-    blend = following_of(Trajectory(blend_radius_m=1.5))
+    blend = following_of(Mission(trajectory=Trajectory(blend_radius_m=1.5)))
     assert follow(blend, [(0.0, 3.0)], [(4.0, 0.0, 2.0)])[0] == (0.0, 0.0)
     wanted, reactive = follow(blend, [(0.0, 0.75)], [])
     assert wanted == pytest.approx(tuple(0.5 * a for a in reactive))
@@ -90,10 +90,13 @@ def test_the_nearer_the_next_thing_the_more_the_reactive_controller_counts() -> 
 
 
 def test_without_the_blend_only_the_plan_counts() -> None:
-    alone = following_of(Trajectory(blend=False))
+    alone = following_of(Mission(trajectory=Trajectory(blend=False)))
     assert follow(alone, [(0.0, 0.6)], [(2.5, 0.0, 2.0)])[0] == (0.0, 0.0)
 
 
 def test_a_mission_says_how_plans_are_flown() -> None:
     mission = parse_mission({"trajectory": {"tracking": "required", "blend_radius_m": 2.0}})
-    assert following_of(mission.trajectory) == Following(required=True, blend_radius_m=2.0)
+    reactive = reactive_part(GAINS)
+    assert following_of(mission) == Following(required=True, blend_radius_m=2.0, reactive=reactive)
+    wide = following_of(parse_mission({"limits": {"collision_m": 0.9}}))
+    assert wide.reactive == reactive_part(gains_for(0.9))

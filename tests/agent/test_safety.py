@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from agent.control.gains import LIMITS, limits_for
 from agent.control.halfplanes import least_violation, nearest_point
 from agent.control.safety import barrier_bound, safety_filter
+from agent.rules import rules_of
+from protocols.mission.document import parse_mission
 
 DT = 0.01
 RADIUS = 10.0
@@ -49,8 +51,12 @@ def test_flying_away_is_never_hindered():
 
 
 def test_limits_are_those_of_the_mission():
-    assert limits_for(10.0) == LIMITS
-    assert limits_for(5.0).obstacle_brake == LIMITS.obstacle_brake / 2
+    assert limits_for(10.0, 0.5) == LIMITS
+    assert limits_for(5.0, 0.5).obstacle_brake == LIMITS.obstacle_brake / 2
+    mission = parse_mission({"limits": {"collision_m": 0.9, "acceleration_mps2": 8}})
+    assert rules_of(mission).limits == limits_for(8.0, 0.9)
+    assert rules_of(mission).limits.agent_clearance == pytest.approx(0.4 + LIMITS.agent_clearance)
+    assert rules_of(mission).gains.contact_m == 0.9
 
 
 # --- what it asks for --------------------------------------------------------------------------------------
@@ -176,7 +182,9 @@ def test_full_throttle_at_a_disc_stops_before_contact(believed, real):
         wish = 10.0 * towards / np.hypot(*towards)
         o_rel = np.array([[12.0, 0.0]]) - p
         seen = int(np.hypot(*o_rel[0]) - 1.5 < 6.0)
-        a = np.array(safety_filter(*wish, *v, *NOBODY, seen, o_rel, np.array([1.5]), limits_for(believed)))
+        a = np.array(
+            safety_filter(*wish, *v, *NOBODY, seen, o_rel, np.array([1.5]), limits_for(believed, 0.5))
+        )
         a *= min(1.0, real / max(np.hypot(*a), 1e-9))
         p += DT / 2 * (v + v + a * DT)
         v += a * DT
