@@ -13,46 +13,71 @@ the same. Each tick, for every awake row:
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent import tick as cycle
 from agent.memory import empty_memory, forget
-from agent.policy import Policy, Seen, find_policy
+from agent.policy import Seen, find_policy
 from agent.policy.asking import ask, call
+from agent.radio.air import Air
 from agent.rules import rules_of, shape_of
 from agent.slot_endpoints import SlotEndpoints
 from agent.tick_arrays import empty_views, empty_work, make_tick_arrays
 from protocols.mission.document import Mission
-from protocols.wire.frames import Frames
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
 
-class AgentCore:
-    """A drones of swarms that fly the same mission (up to seeds).
+class Inputs(NamedTuple):
+    """What reaches A drones in one tick.
 
-    Before `step`, its shell fills ``sensed``, ``frames`` and ``notes`` with what is sensed and heard, and in ``work`` who is
-    awake and which frames each row hears. Afterwards ``work.sent`` says who broadcast.
+    awake: (A,) who acts; the others sense, hear and say nothing. sensed: A rows. air: where frames are heard and said.
+    heard: rows of ``air`` that have been heard, ``heard[start[r]:start[r + 1]]`` by drone r; start: (A + 1,).
+    first: what drone r says is to go into row first + r of ``air``.
+
+    It is quickest if ``sensed`` and ``air`` are the same objects every tick.
     """
+
+    tick: int
+    awake: NDArray[np.bool_]
+    sensed: Sensed
+    air: Air
+    start: NDArray[np.int64]
+    heard: NDArray[np.int64]
+    first: int
+
+
+class Outputs(NamedTuple):
+    """What A drones do about it. The arrays are theirs and change with the next tick; of those not awake they say nothing.
+
+    command: (A, 2) accelerations [m/s^2]. sent: (A,) who has put a frame on the air. slot: (A,) the slot each believes to hold.
+    changed: the drones whose view of the slots changed.
+    """
+
+    command: NDArray[np.float64]
+    sent: NDArray[np.bool_]
+    slot: NDArray[np.int64]
+    changed: tuple[int, ...]
+
+
+class AgentCore:
+    """A drones of swarms that fly the same mission (up to seeds): what they know, and `tick`."""
 
     def __init__(
         self,
         mission: Mission,
         me: Sequence[int],
         initial_slots: NDArray[np.int16],
-        sensed: Sensed,
-        frames: Frames,
         inbox_size: int,
         boot: int = 0,
-        policy: Policy | None = None,
         rehearsal: bool = False,
     ) -> None:
         """Make the drones numbered ``me`` (A,), whose swarm starts in ``initial_slots`` (A, N): agent -> slot.
 
         Args:
-            sensed, frames: the arrays in which sensors and frames arrive, and into which frames are composed.
             inbox_size: frames that all rows together can hear in one tick.
             boot: above 0 means restarted in mid-flight, knowing nothing but the initial slots.
             rehearsal: this process will fork: load all code, but open nothing.
@@ -61,28 +86,26 @@ class AgentCore:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
         """
         agents = np.asarray(me, np.int64)
-        self.mission, self.sensed, self.frames = mission, sensed, frames
-        self.notes: list[object] = [None] * len(frames.tick)
-        self.policy = policy or find_policy(mission.policy, mission)
+        self.mission = mission
+        self.policy = find_policy(mission.policy, mission)
         self._opened = rehearsal
-        self.work = empty_work(agents, inbox_size)
-        self.memory = empty_memory(len(agents), mission.agents)
-        self.views = empty_views(len(agents), mission.agents)
-        self.endpoints = SlotEndpoints(mission, agents, initial_slots, self.views, boot)
         self._rules, self._shape = rules_of(mission), shape_of(mission)
-        self.arrays = make_tick_arrays(
-            self._rules, self._shape, self.views, self.work, sensed, frames, self.memory
-        )
+        self._work = empty_work(agents, inbox_size)
+        self._memory = empty_memory(len(agents), mission.agents)
+        self._views = empty_views(len(agents), mission.agents)
+        self._endpoints = SlotEndpoints(mission, agents, initial_slots, self._views, boot)
+        self._sensed: Sensed | None = None
+        self._air: Air | None = None
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
-        forget(self.memory, row, tick)
-        self.endpoints.restart(row, boot)
+        forget(self._memory, row, tick)
+        self._endpoints.restart(row, boot)
         if hasattr(self.policy, "forget"):
             call(self.policy.forget, self.mission.policy, row)
 
     def open(self) -> None:
-        """Open what the policy needs, if it has not been done; else the first `step` does it.
+        """Open what the policy needs, if it has not been done; else the first `tick` does it.
 
         Raises:
             agent.policy.PolicyError: it cannot be opened.
@@ -91,46 +114,48 @@ class AgentCore:
             call(self.policy.open, self.mission.policy)
         self._opened = True
 
-    def load_rare_kernels(self) -> None:
-        """Load (or compile) what only some ticks need: at the first swap there is no time for it."""
-        cycle.aim_again(self.arrays)
+    def _begin(self, inputs: Inputs) -> None:
+        """Before the first tick, and where other arrays come than before."""
+        work, memory, motion = self._work, self._memory, inputs.sensed.motion
+        if self._air is None:
+            for row in range(len(work.me)):
+                forget(memory, row, inputs.tick)  # whoever begins in mid-flight takes nobody for dead
+        self._sensed, self._air = inputs.sensed, inputs.air
+        self._arrays = make_tick_arrays(
+            self._rules, self._shape, self._views, work, inputs.sensed, inputs.air.frames, memory
+        )
+        self._shown = (
+            work.me, work.awake, motion[:, :2], motion[:, 2:], work.target_position, work.target_velocity, work.chain_error,
+            work.slot_error, work.observation, memory, self._arrays,
+        )  # fmt: skip
 
-    def step(self, tick: int, first: int) -> NDArray[np.float64]:
-        """Decide one tick for the awake rows; return the commands (A, 2), accelerations in m/s^2.
-
-        What row r broadcasts goes into row first + r of ``frames`` and ``notes``. A note is read only where ``frames.loud``.
+    def tick(self, inputs: Inputs) -> Outputs:
+        """Decide one tick for the awake rows.
 
         Raises:
             agent.policy.PolicyError: the policy raised or wants no accelerations; one line says where.
         """
-        work, arrays = self.work, self.arrays
+        tick, awake, sensed, air, start, heard, first = inputs
+        work, endpoints = self._work, self._endpoints
         self.open()
-        self.endpoints.changed.clear()
-        if cycle.before_policy(tick, arrays) and self.endpoints.step(tick, work, self.frames, self.notes):
+        begins = sensed is not self._sensed or air is not self._air
+        if begins:
+            self._begin(inputs)
+        work.awake[:], work.inbox_start[:], work.inbox[: len(heard)] = awake, start, heard
+        arrays = self._arrays
+        news = cycle.before_policy(tick, arrays)
+        changed = endpoints.step(tick, work, air) if news else ()
+        if changed or begins:  # at the first swap there would be no time for loading code
             cycle.aim_again(arrays)
-        seen = Seen(
-            tick,
-            work.me,
-            work.awake,
-            self.sensed.motion[:, :2],
-            self.sensed.motion[:, 2:],
-            work.target_position,
-            work.target_velocity,
-            work.chain_error,
-            work.slot_error,
-            work.observation,
-            self.memory,
-            arrays,
-        )
-        command = ask(self.policy, self.mission.policy, seen)
+        command = ask(self.policy, self.mission.policy, Seen(tick, *self._shown))
         cycle.after_policy(tick, first, arrays, command)
-        self.endpoints.write_notes(tick, work.sent, self.frames, self.notes, first)
-        return command
+        endpoints.write_notes(tick, work.sent, air, first)
+        return Outputs(command, work.sent, self._views.slot, changed)
 
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""
-        party = self.endpoints.endpoint[row]
-        fresh = tick - self.memory.heard_tick[row] <= self._rules.memory_ticks
+        party = self._endpoints.endpoint[row]
+        fresh = tick - self._memory.heard_tick[row] <= self._rules.memory_ticks
         counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
         return AgentStatus(
             int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of)

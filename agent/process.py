@@ -8,15 +8,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from agent.core import AgentCore
-from agent.memory import forget
+from agent.core import AgentCore, Inputs
+from agent.radio.air import Air
 from agent.radio.hearing import Hearing
 from protocols.kernels import release_compiler
 from protocols.mission.document import Mission, parse_mission
-from protocols.slots.agreement import SlotNote, encode
-from protocols.slots.notes import quiet_note
 from protocols.wire import messages
-from protocols.wire.frames import FrameCodec, empty_frames, swarm_tag
 from protocols.wire.sensed import SensedPacker, SensedReader, empty_sensed
 from protocols.wire.status import AgentStatus
 
@@ -41,14 +38,14 @@ class Drone:
         self, mission: Mission, agent: int, initial_slots: bytes, boot: int, rehearsal: bool = False
     ) -> None:
         initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
-        sensed, frames = empty_sensed(1), empty_frames(messages.MAX_HEARD + 1)
-        self.core = AgentCore(
-            mission, [agent], initial, sensed, frames, messages.MAX_HEARD, boot, rehearsal=rehearsal
+        self.core = AgentCore(mission, [agent], initial, messages.MAX_HEARD, boot, rehearsal)
+        self._sensed, self._air = empty_sensed(1), Air(mission.swarm, mission.agents, messages.MAX_HEARD + 1)
+        self._sensors, self._hearing = (
+            SensedReader(self._sensed),
+            Hearing(self._air, agent, mission.agents),
         )
-        self._sensors = SensedReader(sensed)
-        self._codec = FrameCodec(swarm_tag(mission.swarm), frames)
-        self._hearing = Hearing(self.core, self._codec)
-        self.tick = -1
+        self._awake, self._start = np.ones(1, np.bool_), np.zeros(2, np.int64)
+        self.tick, self.slot = -1, int(initial[0, agent])
 
     @property
     def rejected(self) -> dict[str, int]:
@@ -57,42 +54,23 @@ class Drone:
 
     def answer(self, tick: int, packed: Any, sources: bytes, heard: list[bytes]) -> bytes:
         """One tick: what is sensed and heard (``sources[i]`` sent ``heard[i]``) in, the REPLY out."""
-        if self.tick < 0:
-            forget(self.core.memory, 0, tick)
-        self.tick = tick
         self._sensors.read(packed)
-        core = self.core
-        self._hearing.hear(tick, sources, heard)
-        ((ax, ay),) = core.step(tick, messages.MAX_HEARD).tolist()
-        frame = self._speak() if core.work.sent[0] else None
-        return messages.pack(
-            messages.REPLY, tick, ax, ay, core.endpoints.endpoint[0].slot, frame, self._news(tick)
-        )
-
-    def _speak(self) -> bytes:
-        out, frames = messages.MAX_HEARD, self.core.frames
-        if not frames.loud[out]:
-            return self._codec.encode(out, quiet_note(int(frames.digest[out])))
-        note = self.core.notes[out]
-        assert isinstance(note, SlotNote)
-        return self._codec.encode(out, encode(note))
+        believed = self._hearing.hear(tick, sources, heard)
+        self._start[1], own = len(believed), messages.MAX_HEARD
+        said = self.core.tick(Inputs(tick, self._awake, self._sensed, self._air, self._start, believed, own))
+        self.tick, self.slot = tick, int(said.slot[0])
+        ((ax, ay),) = said.command.tolist()
+        frame = self._air.pack(own) if said.sent[0] else None
+        news = self.status() if said.changed or tick % _STATUS_EVERY == 0 else None
+        return messages.pack(messages.REPLY, tick, ax, ay, self.slot, frame, news)
 
     def status(self) -> AgentStatus:
         """The drone's account of itself."""
         return self.core.status(0, self.tick, tuple(self.rejected.values()))
 
-    def _news(self, tick: int) -> AgentStatus | None:
-        """Its account when its view of the slots changed, and now and then."""
-        endpoints = self.core.endpoints
-        if not endpoints.changed and tick % _STATUS_EVERY != 0:
-            return None
-        return self.status()
-
     def farewell(self) -> bytes:
         """The last REPLY."""
-        return messages.pack(
-            messages.REPLY, self.tick, 0.0, 0.0, self.core.endpoints.endpoint[0].slot, None, self.status()
-        )
+        return messages.pack(messages.REPLY, self.tick, 0.0, 0.0, self.slot, None, self.status())
 
 
 def rehearse(mission: Mission) -> None:
@@ -100,7 +78,6 @@ def rehearse(mission: Mission) -> None:
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0, rehearsal=True)
     for tick in range(2):
         drone.answer(tick, SensedPacker(empty_sensed(1)).pack(0), b"", [])
-    drone.core.load_rare_kernels()
     release_compiler()
 
 

@@ -1,22 +1,60 @@
-"""The hosted drones' ends of the slot protocol (protocols.slots.agreement), attended to only when there is news.
+"""The hosted drones' ends of the slot protocol, attended to only when there is news.
 
 Almost always nothing changes: every digest heard equals one's own and no note says more. agent.tick tells which rows have
-news; only those run their `SlotParty`.
+news; only those run their `SlotEndpoint`.
 """
+
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.radio.air import Air
 from agent.tick_arrays import Views, Work
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapRules
+from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapCounts, SwapRules
 from protocols.slots.highest_version import VersionedParty
 from protocols.slots.trigger import NOBODY
-from protocols.wire.frames import Frames
 
 
-def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int) -> SlotParty | VersionedParty:
+class SlotEndpoint(Protocol):
+    """One drone's side of a slot protocol: a state machine that hears notes, says one per frame, and is told the tick."""
+
+    stance: Stance
+    counts: SwapCounts
+    slot_of: tuple[int, ...]  # agent -> slot
+    digest: int  # equal for equal knowledge
+
+    @property
+    def slot(self) -> int:
+        """Its own slot."""
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is under way: then hearing a quiet note of its digest changes nothing."""
+
+    def ready(self, tick: int) -> bool:
+        """Whether it may propose now."""
+
+    def propose(self, partner: int, tick: int) -> None:
+        """Begin to exchange slots with ``partner``. IllegalSwap if not ready."""
+
+    def vacate(self, dead: int, tick: int) -> None:
+        """Take a dead drone's slot, at once. IllegalSwap if engaged or amnesiac."""
+
+    def hear(self, note: SlotNote, sender: int, tick: int) -> None:
+        """A neighbour's note."""
+
+    def advance(self, tick: int) -> None:
+        """Let time pass: what has waited too long is given up."""
+
+    def note(self, tick: int) -> SlotNote:
+        """What its next frame says. Counts as said."""
+
+
+def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int) -> SlotEndpoint:
+    """The side of drone ``me`` in the mission's protocol."""
     spec = mission.swap
     answer = round(spec.answer_s / TICK_S)
     rules = SwapRules(
@@ -30,10 +68,7 @@ def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int) -> S
 
 
 class SlotEndpoints:
-    """One `SlotParty` per hosted drone, and their views as arrays for the kernels.
-
-    changed: rows whose view changed this tick.
-    """
+    """One `SlotEndpoint` per hosted drone, and their views as arrays for the kernels."""
 
     def __init__(
         self,
@@ -48,7 +83,6 @@ class SlotEndpoints:
         self.endpoint = [
             make_endpoint(mission, int(agent), self._initial[row], boot) for row, agent in enumerate(me)
         ]
-        self.changed: list[int] = []
         self._busy = boot > 0  # whether any party was busy when last looked at
         for row in range(len(me)):
             self._refresh(row)
@@ -71,34 +105,30 @@ class SlotEndpoints:
         views.slot[row] = party.slot
         return True
 
-    def step(self, tick: int, work: Work, frames: Frames, notes: list[object]) -> bool:
-        """For rows with news: hear the notes, watch the time-outs, act on the triggers. True if any view changed."""
+    def step(self, tick: int, work: Work, air: Air) -> tuple[int, ...]:
+        """For rows with news: hear the notes, watch the time-outs, act on the triggers; the rows whose view changed."""
+        senders, changed = air.frames.sender, []
         for row in np.flatnonzero(work.news).tolist():
             party, partner, vacated = self.endpoint[row], int(work.partner[row]), int(work.vacated[row])
-            for index in work.inbox[work.inbox_start[row] : work.inbox_start[row + 1]]:
-                note = notes[index] if frames.loud[index] else SlotNote(int(frames.digest[index]), True)
-                assert isinstance(note, SlotNote)
-                party.hear(note, int(frames.sender[index]), tick)
+            for index in work.inbox[work.inbox_start[row] : work.inbox_start[row + 1]].tolist():
+                party.hear(air.note(index), int(senders[index]), tick)
             party.advance(tick)
             if vacated != NOBODY and party.stance is Stance.IDLE:
                 party.vacate(vacated, tick)
             elif partner != NOBODY and party.ready(tick):
                 party.propose(partner, tick)
             if self._refresh(row):
-                self.changed.append(row)
+                changed.append(row)
         self._busy = bool(self._views.busy.any())
-        return bool(self.changed)
+        return tuple(changed)
 
-    def write_notes(
-        self, tick: int, sent: NDArray[np.bool_], frames: Frames, notes: list[object], first: int
-    ) -> None:
+    def write_notes(self, tick: int, sent: NDArray[np.bool_], air: Air, first: int) -> None:
         """Where a sending row's note says more than its digest, put it into its frame row."""
         if not self._busy:
             return
         for row in np.flatnonzero(sent & self._views.busy).tolist():
             note = self.endpoint[row].note(tick)
             if not (note.quiet and note.settled):
-                notes[first + row] = note
-                frames.loud[first + row] = 1
+                air.put_note(first + row, note)
             self._refresh(row)
         self._busy = bool(self._views.busy.any())

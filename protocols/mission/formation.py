@@ -43,11 +43,6 @@ class Formation:
         leaf[self.parent[self.parent != NO_PARENT]] = False
         return leaf
 
-    @property
-    def edges(self) -> list[tuple[int, int]]:
-        """(parent, child) slots of every tree edge."""
-        return [(int(parent), child) for child, parent in enumerate(self.parent) if parent != NO_PARENT]
-
 
 def default_shape(agents: int) -> str:
     """The shape flown when none is asked for: a full square if N allows one, else a hollow triangle, else a V."""

@@ -6,7 +6,7 @@ changes.
 
 The rules
     1. A swap is proposed, accepted, committed. The proposer names both slots as it sees them. The one asked
-       accepts if it is willing, free, not cooling down and sees the same two slots; else it refuses at once.
+       accepts if it is free, not cooling down and sees the same two slots; else it refuses at once.
     2. A party is in one deal at a time. `TURNS` lists what it may do when; anything else raises `IllegalSwap`
        and changes nothing.
     3. The proposer commits when it hears the acceptance of its pending proposal, and of no other. It acts at
@@ -170,8 +170,8 @@ class SlotParty:
         self._commit(self._name(), dead, self.book.clock, tick)
         self.counts.vacated += 1
 
-    def hear(self, note: SlotNote, sender: int, tick: int, willing: bool = True) -> None:
-        """A neighbour's note. `willing`: I would accept what it proposes to me, if it does."""
+    def hear(self, note: SlotNote, sender: int, tick: int) -> None:
+        """A neighbour's note."""
         if note.digest == self.digest and note[2:] == QUIET and self.stance is not Stance.AMNESIAC:
             if note.settled and self._gossip.book.open:
                 self._gossip.hear(note, self.counts)
@@ -191,7 +191,7 @@ class SlotParty:
         if note.acceptance is not None and note.acceptance.proposer == self.me:
             self._hear_acceptance(note.acceptance, sender, tick)
         if note.proposal is not None and note.proposal.partner == self.me:
-            self._weigh(note.proposal, sender, tick, willing)
+            self._weigh(note.proposal, sender, tick)
 
     def advance(self, tick: int) -> None:
         """Let time pass: what has waited too long is given up."""
@@ -271,7 +271,7 @@ class SlotParty:
         elif answer.nonce == self._given_up:
             self._refuse(self.me, answer.nonce)  # release whoever is promised to what I gave up
 
-    def _weigh(self, proposal: Proposal, sender: int, tick: int, willing: bool) -> None:
+    def _weigh(self, proposal: Proposal, sender: int, tick: int) -> None:
         deal, slots = self._deal, self.slot_of
         renewed = self.stance is Stance.PROMISED and deal is not None and deal.proposer == sender
         if renewed and deal is not None and proposal.nonce <= deal.nonce:
@@ -281,7 +281,7 @@ class SlotParty:
             return  # mine stands, the sender will yield
         free = self.stance is Stance.IDLE or renewed or crossing
         agreed = slots[sender] == proposal.slot and slots[self.me] == proposal.partner_slot
-        if not (free and agreed and willing and tick >= self._cool_until):
+        if not (free and agreed and tick >= self._cool_until):
             self._refuse(sender, proposal.nonce)
             return
         if self._deal is not None:

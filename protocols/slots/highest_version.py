@@ -81,8 +81,8 @@ class VersionedParty:
         self._exchange(dead, tick)
         self.counts.vacated += 1
 
-    def hear(self, note: SlotNote, sender: int, tick: int, willing: bool = True) -> None:
-        """A neighbour's note. `willing` is for the like of `SlotParty`: nobody is asked here."""
+    def hear(self, note: SlotNote, sender: int, tick: int) -> None:
+        """A neighbour's note."""
         if sender == self.me or (note.digest == self.digest and not note.amnesiac and self.quiet):
             return
         heard = note.checkpoint

@@ -11,6 +11,7 @@ The rules
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from reprlib import repr as shown  # of what strangers send, however long or deep
 from typing import Any, NamedTuple, TypeVar
 
 from protocols.slots.history import Checkpoint, Mark, Swap, is_permutation
@@ -160,25 +161,25 @@ def decode(obj: object, n_agents: int) -> SlotNote:
 def _int(value: object, end: int) -> int:
     if type(value) is int and 0 <= value < end:  # a bool is no number here
         return value
-    raise ValueError(f"not a whole number from 0 to {end - 1}: {value!r}")
+    raise ValueError(f"not a whole number from 0 to {end - 1}: {shown(value)}")
 
 
 def _agents(value: object, n_agents: int) -> int:
     if type(value) is bytes and len(value) <= (n_agents + 7) // 8:
         return _int(int.from_bytes(value, "little"), 1 << n_agents)
-    raise ValueError(f"not a set of {n_agents} agents: {value!r}")
+    raise ValueError(f"not a set of {n_agents} agents: {shown(value)}")
 
 
 def _list(value: object) -> Sequence[object]:
     if isinstance(value, list | tuple):
         return value
-    raise ValueError(f"not a list: {value!r}")
+    raise ValueError(f"not a list: {shown(value)}")
 
 
 def _ints(value: object, ends: Sequence[int]) -> list[int]:
     items = _list(value)
     if len(items) != len(ends):
-        raise ValueError(f"{len(ends)} numbers expected: {value!r}")
+        raise ValueError(f"{len(ends)} numbers expected: {shown(value)}")
     return [_int(item, end) for item, end in zip(items, ends, strict=True)]
 
 

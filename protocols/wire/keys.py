@@ -2,7 +2,6 @@
 
 - Agent ``i`` of swarm ``s`` speaks on ``s/tx/i`` and hears on ``s/rx/i``. Both carry opaque bytes.
 - The world hears everyone on ``s/tx/*`` and speaks on each ``s/rx/i``. No agent hears another's key.
-- On the air, where there is no world, all frames go to ``s/air``.
 - A swarm's name is one chunk of a key expression: a letter or digit, then letters, digits, ``-`` and ``_``.
 """
 

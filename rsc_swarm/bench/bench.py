@@ -225,7 +225,13 @@ def _batch(agents: int) -> dict[str, Any]:
     for _ in range(200):
         simulation.tick()
     spent = time.process_time() - began
-    return {"simulated_us_per_agent_tick": spent / 200 / len(simulation.agents.work.me) * 1e6}
+    return {
+        "simulated_us_per_agent_tick": spent
+        / 200
+        / simulation.world.position.shape[0]
+        / simulation.world.position.shape[1]
+        * 1e6
+    }
 
 
 def _protocol(agents: int) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agent.core import AgentCore
+from agent.core import AgentCore, Inputs
+from agent.radio.air import Air
 from protocols.mission.document import Mission
-from protocols.slots.agreement import encode
-from protocols.wire.frames import REASONS, FrameCodec, empty_frames, swarm_tag
+from protocols.wire.frames import REASONS
 from protocols.wire.status import AgentStatus
 from world.core import Outcome, WorldCore
 from world.invariants import Watch
@@ -30,21 +30,11 @@ class Simulation:
         self.world = WorldCore(missions)
         worlds, agents = self.world.shape
         self._rows = worlds * agents
-        self._frames = empty_frames(self.world.ring * self._rows)
+        self._air = Air(self.mission.swarm, agents, self.world.ring * self._rows)
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
-        self.agents = AgentCore(
-            self.mission,
-            me,
-            initial,
-            self.world.sensed,
-            self._frames,
-            self.world.inbox_size,
-            rehearsal=rehearsal,
-        )
+        self.agents = AgentCore(self.mission, me, initial, self.world.inbox_size, rehearsal=rehearsal)
         self.watches = [Watch(agents, self.mission.swap.cooldown_s) for _ in missions]
-        self._codec = FrameCodec(swarm_tag(self.mission.swarm), self._frames)
-        self._quiet_bytes = len(self._codec.encode(0, encode(self.agents.endpoints.endpoint[0].note(0))))
         self._boots = np.zeros(self._rows, np.int64)
         self.frame_bytes = np.zeros(self._rows, np.int64)  # of the last tick, 0 for a drone that sent nothing
         self.clock = 0
@@ -59,26 +49,23 @@ class Simulation:
                     row = event.world * world.shape[1] + agent
                     self._boots[row] += 1
                     agents.restart(row, self.clock, int(self._boots[row]))
-        world.sense()
-        work = agents.work
-        work.inbox_start[:], arrived = world.deliver()
-        work.inbox[: len(arrived)] = (arrived[:, 1] % world.ring) * self._rows + arrived[:, 0]
-        work.awake[:] = world.rows_awake
+        sensed, (start, arrived) = world.sense(), world.deliver()
+        heard = (arrived[:, 1].astype(np.int64) % world.ring) * self._rows + arrived[:, 0]
         first = (self.clock % world.ring) * self._rows
-        command = agents.step(self.clock, first)
-        self.frame_bytes = self._sizes(work.sent, first)
-        ended = world.advance(command, self.frame_bytes, agents.views.slot)
-        ended += self._watch(world.active)
+        said = agents.tick(Inputs(self.clock, world.rows_awake, sensed, self._air, start, heard, first))
+        self.frame_bytes = self._air.sizes(first, said.sent)
+        ended = world.advance(said.command, self.frame_bytes, said.slot)
+        ended += self._watch(said.changed)
         self.clock += 1
         return ended
 
-    def _watch(self, active: np.ndarray) -> list[int]:
+    def _watch(self, changed: tuple[int, ...]) -> list[int]:
         """Show the watches the views that changed; end flights whose invariants broke or whose drones are all gone."""
         world, agents = self.world, self.world.shape[1]
-        for row in self.agents.endpoints.changed:
+        for row in changed:
             self.watches[row // agents].see(self.clock, row % agents, self.status(row))
         ended = []
-        for index in np.flatnonzero(active):
+        for index in np.flatnonzero(world.active):
             awake = np.flatnonzero(world.flying[index] & world.responsive[index])
             self.watches[index].tick(self.clock, awake.tolist(), world.could_know(int(index)))
             if self.watches[index].breach:
@@ -93,16 +80,6 @@ class Simulation:
     def status(self, row: int) -> AgentStatus:
         """The account of the drone in row world * N + agent; nothing is rejected where nothing is unpacked."""
         return self.agents.status(row, self.clock, (0,) * len(REASONS))
-
-    def _sizes(self, sent: np.ndarray, first: int) -> np.ndarray:
-        """(A,) bytes each drone's frame would have on the wire."""
-        rows = slice(first, first + self._rows)
-        known = self._frames.known_count[rows].astype(np.int64)
-        # Nine bytes per drone known; msgpack's head for 256 bytes of displacements or more is one byte longer.
-        sizes = np.where(sent, self._quiet_bytes + 9 * known + (8 * known > 255), 0)
-        for row in np.flatnonzero(sent & (self._frames.loud[rows] > 0)):
-            sizes[row] = len(self._codec.encode(first + row, encode(self.agents.notes[first + row])))  # type: ignore[arg-type]
-        return sizes
 
 
 def simulate(missions: Sequence[Mission]) -> list[Outcome]:

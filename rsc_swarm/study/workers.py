@@ -105,11 +105,10 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
         for world in simulation.tick():
             outcome = simulation.world.outcomes[world]
             assert outcome is not None
-            counts = [
-                party.counts
-                for party in simulation.agents.endpoints.endpoint[world * agents : (world + 1) * agents]
-            ]
-            swaps = {name: sum(getattr(count, name) for count in counts) for name in SWAP_COUNTS}
+            counts = [simulation.status(world * agents + agent).swaps for agent in range(agents)]
+            swaps = {
+                name: sum(count) for name, count in zip(SWAP_COUNTS, zip(*counts, strict=True), strict=True)
+            }
             yield Flight(*seeds[world], outcome, simulation.watches[world].result(), swaps)
 
 

@@ -9,8 +9,6 @@ from agent.core import AgentCore
 from agent.policy import PolicyError
 from agent.rules import shape_of
 from protocols.mission.document import Mission, parse_mission
-from protocols.wire.frames import empty_frames
-from protocols.wire.sensed import empty_sensed
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.simulate import Simulation, simulate
 
@@ -36,7 +34,7 @@ def test_depth_counts_the_edges_up_to_the_root() -> None:
 def test_an_unknown_policy_is_refused_when_the_drone_is_made() -> None:
     task = mission(policy="nobody")
     with pytest.raises(PolicyError, match="unknown policy 'nobody'"):
-        AgentCore(task, [0], np.arange(6, dtype=np.int16)[None], empty_sensed(1), empty_frames(2), 1)
+        AgentCore(task, [0], np.arange(6, dtype=np.int16)[None], 1)
 
 
 @pytest.mark.parametrize(("rate", "every"), [(100, 1), (50, 2), (10, 10)])
@@ -65,8 +63,8 @@ def test_the_safety_filter_can_be_left_out() -> None:
 
 def test_scrambled_drones_sort_out_their_slots_and_all_come_to_know() -> None:
     simulation = flown(mission(start={"scrambled": True}, seed=6), 190)
-    views = simulation.agents.views.slot_of
-    counts = [party.counts for party in simulation.agents.endpoints.endpoint]
+    views = simulation.agents._views.slot_of
+    counts = [party.counts for party in simulation.agents._endpoints.endpoint]
     assert sum(count.committed for count in counts) > 0
     assert (views == views[0]).all(), "one view"
     assert simulation.world.claim[0].tolist() == views[0].tolist()
@@ -84,16 +82,16 @@ def test_the_slot_of_a_dead_leader_is_taken_and_only_a_leaf_stays_empty() -> Non
     simulation = flown(
         mission(faults=faults, start={"radius_m": 1}, swap={"silent_s": 0.5, "rule": "tree"}), 199
     )
-    assert simulation.agents.views.slot[0] == 1
-    assert simulation.agents.endpoints.endpoint[0].counts.vacated == 1
-    assert {int(simulation.agents.views.slot_of[agent, 0]) for agent in (0, 2, 3, 4, 5)} == {1}
+    assert simulation.agents._views.slot[0] == 1
+    assert simulation.agents._endpoints.endpoint[0].counts.vacated == 1
+    assert {int(simulation.agents._views.slot_of[agent, 0]) for agent in (0, 2, 3, 4, 5)} == {1}
 
 
 def test_nobody_is_taken_for_dead_who_is_only_out_of_ones_own_reach() -> None:
     simulation = flown(mission(agents=25, start={"radius_m": 1}, swap={"silent_s": 0.5}), 150)
-    assert sum(party.counts.vacated for party in simulation.agents.endpoints.endpoint) == 0
+    assert sum(party.counts.vacated for party in simulation.agents._endpoints.endpoint) == 0
     # Corner to corner it is eight hops, and every hop rounds up to the next tenth of a second.
-    assert (simulation.clock - 1 - simulation.agents.memory.last_seen[0, 24]) < 100
+    assert (simulation.clock - 1 - simulation.agents._memory.last_seen[0, 24]) < 100
 
 
 def test_the_status_tells_what_the_drone_believes_and_has_done() -> None:
@@ -109,13 +107,13 @@ def test_the_status_tells_what_the_drone_believes_and_has_done() -> None:
 def test_a_restarted_row_knows_nothing_and_learns_its_slot_from_the_others() -> None:
     simulation = flown(mission(start={"scrambled": True}, seed=6), 150)
     agents = simulation.agents
-    known = agents.views.slot_of[1].copy()
+    known = agents._views.slot_of[1].copy()
     assert known.tolist() != simulation.world.initial_slots[0].tolist()
     agents.restart(3, simulation.clock, boot=1)
-    assert agents.views.slot_of[3].tolist() == simulation.world.initial_slots[0].tolist()
+    assert agents._views.slot_of[3].tolist() == simulation.world.initial_slots[0].tolist()
     for _ in range(10):
         simulation.tick()
-    assert agents.views.slot_of[3].tolist() == known.tolist()
+    assert agents._views.slot_of[3].tolist() == known.tolist()
 
 
 def test_a_swarm_that_only_hears_its_neighbours_flies_too() -> None:

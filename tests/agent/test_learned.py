@@ -77,7 +77,7 @@ def test_the_model_sees_the_last_three_ticks_newest_last(notebook: Notebook, mod
     seen = []
     for _ in range(5):
         own = np.array(told(notebook, simulation))
-        seen.append(simulation.agents.work.observation.astype(np.float32))
+        seen.append(simulation.agents._work.observation.astype(np.float32))
         past = [seen[max(0, len(seen) - 3 + step)] for step in range(3)]
         assert np.array_equal(own, np.stack(past, axis=1)), "a history too short repeats its first entry"
 
@@ -86,12 +86,12 @@ def test_the_model_hears_its_neighbours_observations_one_tick_old(notebook: Note
     still = {"radius_m": 0}
     simulation = Simulation([task(model, trajectory={"replan_ticks": 1}, start=still)])
     simulation.tick()
-    before = simulation.agents.work.observation.copy()
+    before = simulation.agents._work.observation.copy()
     simulation.tick()
     first, second = notebook.asked
     assert not first["heard"].any()
     assert not first["share"].any()
-    near = simulation.agents.memory.hops == 1
+    near = simulation.agents._memory.hops == 1
     for row in range(6):
         neighbours = np.flatnonzero(near[row])
         heard = second["heard"][row, -1]
@@ -115,7 +115,7 @@ def test_a_restarted_drone_plans_at_once_and_from_nothing(notebook: Notebook, mo
     simulation = Simulation([task(model, faults=[fault])])
     histories = [told(notebook, simulation) for _ in range(14)]
     (fresh,) = [own for own in histories[13] if (own == own[-1]).all()]
-    assert np.array_equal(fresh[-1], simulation.agents.work.observation[2].astype(np.float32))
+    assert np.array_equal(fresh[-1], simulation.agents._work.observation[2].astype(np.float32))
 
 
 def test_a_wide_model_gets_the_wide_view(notebook: Notebook, tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_an_action_is_carried_out_as_it_is_every_tick(tmp_path: Path) -> None:
     for _ in range(5):
         before = simulation.world.velocity.copy()
         simulation.tick()
-        target = simulation.agents.work.observation[0, :2]  # at its slot error: aim is slot
+        target = simulation.agents._work.observation[0, :2]  # at its slot error: aim is slot
         assert (simulation.world.velocity - before)[0, 0] / TICK_S == pytest.approx(2 * target, rel=1e-5)
 
 

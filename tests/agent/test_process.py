@@ -12,7 +12,6 @@ from agent import process
 from agent import tick as cycle
 from agent.process import Drone, fly
 from protocols.mission.document import parse_mission
-from protocols.slots.agreement import SlotNote, encode
 from protocols.wire import messages
 from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
 from protocols.wire.sensed import SensedPacker, empty_sensed
@@ -40,17 +39,8 @@ def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
     for _ in range(ticks):
         simulation.tick()
     first = (simulation.clock - 1) % simulation.world.ring * 6
-    said = []
-    for row in range(first, first + 6):
-        note = (
-            simulation.agents.notes[row]
-            if simulation._frames.loud[row]
-            else SlotNote(int(simulation._frames.digest[row]), True)
-        )
-        assert isinstance(note, SlotNote)
-        if simulation._frames.sender[row] != ME:
-            said.append(simulation._codec.encode(row, encode(note)))
-    return said
+    air = simulation._air
+    return [air.pack(row) for row in range(first, first + 6) if air.frames.sender[row] != ME]
 
 
 GOOD = frames_of_a_flight()
@@ -110,6 +100,11 @@ def own_voice() -> bytes:
     return altered(2, bytes(fixed))
 
 
+def nested(deep: int) -> list[Any]:
+    """[[[...]]], so deep that Python's own way to print it gives up."""
+    return [nested(deep - 1)] if deep else []
+
+
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
@@ -123,6 +118,8 @@ def own_voice() -> bytes:
         (altered(5, [1]), "malformed"),
         (altered(5, [-1, 1]), "malformed"),
         (altered(5, [1, 2]), "malformed"),
+        (altered(5, nested(900)), "malformed"),
+        (altered(5, [nested(900), 1]), "malformed"),
         (altered(5, [1, 1, 0, [0, 1, 2, 2], None, [], None, [], [], None]), "malformed"),
         (altered(5, [1, 1, 0, None, None, [], None, [], [], [bytes(6), 1, 1, 1]]), "malformed"),
         (
@@ -134,6 +131,18 @@ def own_voice() -> bytes:
 )
 def test_a_bad_frame_is_counted_by_its_reason_and_as_good_as_unheard(data: bytes, reason: str) -> None:
     assert answers([data]) == (DEAF, rejected(**{reason: 1}))
+
+
+@pytest.mark.parametrize("error", [RecursionError, MemoryError, KeyError, OverflowError])
+def test_whatever_reading_one_frame_ends_in_costs_that_frame_alone(
+    monkeypatch: pytest.MonkeyPatch, error: type[Exception]
+) -> None:
+    def fail(encoded: object, agents: int) -> None:
+        raise error
+
+    monkeypatch.setattr("agent.radio.air.decode", fail)
+    loud = altered(5, [1, 0])
+    assert answers([loud]) == (DEAF, rejected(malformed=1))
 
 
 def test_a_frame_from_the_past_or_the_future_is_stale() -> None:
@@ -218,7 +227,7 @@ def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None
 def test_a_drone_that_begins_in_mid_flight_takes_nobody_for_dead() -> None:
     one = Drone(MISSION, ME, bytes(range(6)), 1)
     one.answer(900, sensed(), *from_others([]))
-    assert one.core.memory.last_seen[0].tolist() == [900] * 6
+    assert one.core._memory.last_seen[0].tolist() == [900] * 6
 
 
 class Script:
@@ -298,5 +307,4 @@ def test_after_the_rehearsal_a_drone_that_swaps_compiles_nothing() -> None:
     one = drone()
     for tick in range(NOW, NOW + 3):
         one.answer(tick, sensed(), *from_others(GOOD if tick == NOW else []))
-    one.core.load_rare_kernels()
     assert ready == {name: len(getattr(cycle, name).signatures) for name in ready}

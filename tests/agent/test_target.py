@@ -20,4 +20,4 @@ def test_every_drone_knows_bit_for_bit_where_the_referee_has_the_target() -> Non
     for _ in range(50):
         there = simulation.world.target[0]
         simulation.tick()
-        assert simulation.agents.work.target_position.tolist() == [[there, 0.0]] * 3
+        assert simulation.agents._work.target_position.tolist() == [[there, 0.0]] * 3

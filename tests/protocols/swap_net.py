@@ -75,11 +75,11 @@ class Swarm:
         if len(self.air) > before:
             self.deliver(before)
 
-    def deliver(self, index: int, keep: bool = False, willing: bool = True) -> None:
+    def deliver(self, index: int, keep: bool = False) -> None:
         """A frame arrives; `keep` leaves a double of it in the air."""
         src, dst, note = self.air[index] if keep else self.air.pop(index)
         if dst in self.alive:
-            self.endpoints[dst].hear(note, src, self.tick, willing)
+            self.endpoints[dst].hear(note, src, self.tick)
             self.oracle.look(note)
 
     def drop(self, index: int) -> None:

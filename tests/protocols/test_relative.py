@@ -121,8 +121,8 @@ def flown(
     for _ in range(ticks):
         positions.append(simulation.world.position[0].copy())
         simulation.tick()
-        beliefs.append(simulation.agents.memory.rel[0].copy())
-        hops.append(simulation.agents.memory.hops[0].tolist())
+        beliefs.append(simulation.agents._memory.rel[0].copy())
+        hops.append(simulation.agents._memory.hops[0].tolist())
     return simulation, np.array(positions), np.array(beliefs), hops
 
 

@@ -17,11 +17,11 @@ def parties(n: int, rules: SwapRules = RULES) -> list[SlotParty]:
     return [SlotParty(agent, range(n), rules) for agent in range(n)]
 
 
-def tell(speaker: SlotParty, *listeners: SlotParty, tick: int = 0, willing: bool = True) -> SlotNote:
+def tell(speaker: SlotParty, *listeners: SlotParty, tick: int = 0) -> SlotNote:
     """One broadcast, heard by these."""
     note = speaker.note(tick)
     for listener in listeners:
-        listener.hear(note, speaker.me, tick, willing)
+        listener.hear(note, speaker.me, tick)
     return note
 
 
@@ -48,10 +48,11 @@ def test_propose_accept_commit() -> None:
     assert a.stance is b.stance is Stance.IDLE
 
 
-def test_the_unwilling_refuse_at_once() -> None:
-    a, b = parties(2)
+def test_who_is_engaged_refuses_at_once() -> None:
+    a, b, _ = parties(3)
     a.propose(1, tick=0)
-    tell(a, b, willing=False)
+    b.propose(2, tick=0)
+    tell(a, b)
     tell(b, a)
     assert a.stance is Stance.IDLE
     assert a.counts.refused == 1

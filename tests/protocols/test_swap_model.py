@@ -83,9 +83,9 @@ class SwapSchedules(RuleBasedStateMachine):
             self.swarm.say(agent % self.swarm.n)
 
     @precondition(lambda self: self.swarm.air)
-    @rule(index=indices, double=st.booleans(), willing=st.integers(0, 9))
-    def deliver(self, index: int, double: bool, willing: int) -> None:
-        self.swarm.deliver(index % len(self.swarm.air), keep=double, willing=willing > 0)
+    @rule(index=indices, double=st.booleans())
+    def deliver(self, index: int, double: bool) -> None:
+        self.swarm.deliver(index % len(self.swarm.air), keep=double)
 
     @precondition(lambda self: self.swarm.air)
     @rule(index=indices)

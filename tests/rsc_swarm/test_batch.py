@@ -40,7 +40,7 @@ def test_detours_are_flown_bit_for_bit_as_in_a_simulation() -> None:
         batch.fly(10, analytic=True)
         for _ in range(10):
             simulation.tick()
-            ticks_on_detours += int((simulation.agents.memory.stalled > STALLED_TICKS).sum())
+            ticks_on_detours += int((simulation.agents._memory.stalled > STALLED_TICKS).sum())
         assert np.array_equal(batch.position, simulation.world.position)
     assert ticks_on_detours > 20
 
@@ -52,7 +52,7 @@ def test_observations_are_those_of_the_drones_at_this_and_the_last_three_ticks()
     seen = []
     for _ in range(23):  # what a drone observes at a tick is known only once it has flown it
         simulation.tick()
-        seen.append(simulation.agents.work.observation.reshape(2, 6, 18).astype(np.float32))
+        seen.append(simulation.agents._work.observation.reshape(2, 6, 18).astype(np.float32))
     assert np.array_equal(batch.observation, np.stack(seen[-4:]))
 
 

@@ -171,15 +171,12 @@ def test_the_digest_sees_the_smallest_step_aside() -> None:
 
 
 def test_a_dense_swarms_frames_have_the_size_the_wire_would_give_them() -> None:
-    from protocols.slots.agreement import SlotNote, encode
-
     crowd = mission(agents=49, formation={"spacing_m": 2.5}, start={"radius_m": 0}, time_limit_s=0.05)
     simulation = Simulation([crowd])
     for _ in range(4):
         simulation.tick()
     first = ((simulation.clock - 1) % simulation.world.ring) * 49
-    frames, sizes = simulation._frames, simulation.world._sizes[0, 3 % simulation.world.ring]
-    assert frames.known_count[first : first + 49].max() >= 32
+    air, sizes = simulation._air, simulation.world._sizes[0, 3 % simulation.world.ring]
+    assert air.frames.known_count[first : first + 49].max() >= 32
     for row in range(49):
-        note = SlotNote(int(frames.digest[first + row]), True)
-        assert sizes[row] == len(simulation._codec.encode(first + row, encode(note)))
+        assert sizes[row] == len(air.pack(first + row))
