@@ -9,7 +9,9 @@
 import json
 import queue
 import socket
+import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
@@ -19,6 +21,7 @@ from protocols.wire import keys
 from protocols.wire.keys import LinkError, Login
 
 _LOOK_AGAIN_S = 0.002
+_ASK_AGAIN_S = 0.1  # whether to leave, while waiting for the world
 
 
 def _someone_listens(endpoint: str) -> bool:
@@ -74,15 +77,50 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
         raise LinkError(_why_not(endpoint, login, timeout_s)) from error
 
 
-class AgentLink:
-    """The open client of one agent. Raises LinkError when the world is not there or refuses the login."""
+def _asked_to_leave(endpoint: str) -> LinkError:
+    return LinkError(f"asked to leave before the world at {endpoint} answered")
 
-    def __init__(self, endpoint: str, login: Login, connect_timeout_s: float = 10.0) -> None:
+
+def _open_unless(leaving: Callable[[], bool], endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
+    """`_open_client` in a thread of its own: while it waits for the world it hears no signal."""
+    outcome: queue.SimpleQueue[zenoh.Session | BaseException] = queue.SimpleQueue()
+
+    def wait() -> None:
+        try:
+            outcome.put(_open_client(endpoint, login, timeout_s))
+        except BaseException as error:
+            outcome.put(error)
+
+    threading.Thread(target=wait, daemon=True).start()
+    while not leaving():
+        try:
+            opened = outcome.get(timeout=_ASK_AGAIN_S)
+        except queue.Empty:
+            continue
+        if isinstance(opened, BaseException):
+            raise opened
+        return opened
+    raise _asked_to_leave(endpoint)
+
+
+class AgentLink:
+    """The open client of one agent.
+
+    Raises LinkError when the world is not there or refuses the login, or when ``leaving`` says so meanwhile.
+    """
+
+    def __init__(
+        self,
+        endpoint: str,
+        login: Login,
+        connect_timeout_s: float = 10.0,
+        leaving: Callable[[], bool] = lambda: False,
+    ) -> None:
         deadline = time.monotonic() + connect_timeout_s
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
         # unlike a Zenoh channel it can be waited on for a limited time.
         self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
-        self._session = _open_client(endpoint, login, connect_timeout_s)
+        self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
         try:
             self._session.declare_subscriber(
                 keys.rx(login.swarm, login.agent), zenoh.handlers.Callback(self._heard.put, indirect=False)
@@ -94,6 +132,8 @@ class AgentLink:
             )
             # A publisher drops what it is given before it knows of a subscriber.
             while not self._publisher.matching_status.matching:  # type: ignore[attr-defined]
+                if leaving():
+                    raise _asked_to_leave(endpoint)
                 if time.monotonic() > deadline:
                     raise LinkError(
                         f"the world at {endpoint} does not hear agent {login.agent} of {login.swarm!r}: "

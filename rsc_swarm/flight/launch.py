@@ -316,12 +316,14 @@ def fly_agent(
     try:
         login = _login(login_file)
         rehearse(parse_mission({"agents": 4}))
-        with AgentLink(endpoint, login) as link:
+        with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             on_ready(time.time() - psutil.Process().create_time())
             reason = fly(link, agent, lambda: leave.asked)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:
+        if leave.asked:
+            return str(error)
         raise RunBroken(str(error)) from None
     if reason == WORLD_SILENT:
         raise RunBroken(f"agent {agent}: {reason}")

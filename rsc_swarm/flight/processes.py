@@ -63,7 +63,6 @@ class Leave:
 def leave_on_sigterm() -> Leave:
     """From now on SIGTERM asks this process to leave instead of ending it, so that it can close its link.
 
-    Call it once the link is open: a process that still waits for its world is better ended outright.
     If it is the launcher's death that asks, nobody will come with SIGKILL: the kernel's alarm clock does it.
     """
     leave = Leave()

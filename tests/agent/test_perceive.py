@@ -128,6 +128,15 @@ def test_without_memory_what_is_out_of_sight_is_gone_and_the_rest_keep_their_sid
     assert (memory.disc[0, 0].tolist(), memory.disc_side[0, 0]) == ([5.0, -4.0, 1.0], -1)
 
 
+def test_on_which_side_an_obstacle_was_passed_says_nothing_of_the_next_one() -> None:
+    memory = empty_memory(1, N)
+    see_discs(memory, 0.0, (5.0, 1.0, 1.5), remember=False)
+    memory.disc_side[0, 0] = 1
+    see_discs(memory, 20.0, remember=False)
+    see_discs(memory, 20.0, (25.0, -1.0, 1.5), remember=False)
+    assert (memory.disc_count[0], memory.disc_side[0, 0]) == (1, 0)
+
+
 def test_the_same_obstacle_seen_again_is_one_obstacle() -> None:
     memory = empty_memory(1, N)
     for step in range(20):

@@ -74,6 +74,20 @@ def test_only_the_part_towards_the_obstacle_is_taken_away():
     assert a_y == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize("what", ["obstacle", "neighbour"])
+def test_swinging_around_something_is_room_gained(what: str) -> None:
+    """v_tan²/r: who passes sideways gets away from it without any push, and may push towards it by as much."""
+
+    def most(v_tan: float) -> float:
+        if what == "obstacle":
+            return safety_filter(9.9, 0.0, 0.0, v_tan, *NOBODY, *discs((3.0, 0.0, 2.25)), LIMITS)[0]
+        limits = LIMITS._replace(agent_clearance=2.9)
+        return safety_filter(9.9, 0.0, 0.0, 0.0, *neighbours((3.0, 0.0, 0.0, v_tan)), *NOTHING, limits)[0]
+
+    share = 1.0 if what == "obstacle" else LIMITS.agent_share
+    assert most(4.0) - most(0.0) == pytest.approx(share * 4.0**2 / 3.0)
+
+
 def test_a_pair_shares_the_burden_between_them():
     full = barrier_bound(1.5, -3.0, 0.0, 12.0, 0.65, 1.0, LIMITS._replace(row_limit=math.inf))
     half = barrier_bound(1.5, -3.0, 0.0, 12.0, 0.65, 0.5, LIMITS._replace(row_limit=math.inf))

@@ -8,7 +8,7 @@ import msgpack
 import pytest
 
 from protocols.slots.agreement import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, encode
-from protocols.slots.notes import Refusal
+from protocols.slots.notes import Acceptance, Refusal
 
 RULES = SwapRules()
 
@@ -58,6 +58,34 @@ def test_who_is_engaged_refuses_at_once() -> None:
     assert a.counts.refused == 1
     assert not a.ready(9), "a pause before the next try"
     assert a.ready(10)
+
+
+@pytest.mark.parametrize("answer", ["acceptance", "refusal"])
+def test_only_the_one_asked_can_answer(answer: str) -> None:
+    a, b, c = parties(3)
+    a.propose(1, tick=0)
+    assert a.deal is not None
+    note = SlotNote(c.digest, settled=True)
+    if answer == "acceptance":
+        note = note._replace(acceptance=Acceptance(a.me, a.deal.nonce, clock=0))
+    else:
+        note = note._replace(refusals=(Refusal(a.me, a.deal.nonce),))
+    a.hear(note, c.me, tick=1)
+    assert a.stance is Stance.PROPOSING
+    a.hear(note, b.me, tick=1)
+    assert (a.counts.committed, a.counts.refused) == ((1, 0) if answer == "acceptance" else (0, 1))
+
+
+def test_only_the_proposer_releases_whom_it_asked() -> None:
+    a, b, c = parties(3)
+    a.propose(1, tick=0)
+    tell(a, b)
+    assert b.deal is not None
+    off = SlotNote(c.digest, settled=True, refusals=(Refusal(a.me, b.deal.nonce),))
+    b.hear(off, c.me, tick=1)
+    assert b.stance is Stance.PROMISED
+    b.hear(off, a.me, tick=1)
+    assert b.stance is Stance.IDLE
 
 
 def test_a_party_is_in_one_deal_at_a_time() -> None:
