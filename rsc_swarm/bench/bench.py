@@ -134,7 +134,7 @@ def _cost(figures: dict[str, Any]) -> float:
 def _beside_vmas(figures: dict[str, Any]) -> str:
     vmas = figures["vmas_agent_steps_per_s"]
     if vmas is None:
-        return " (VMAS is not installed: pip install 'rsc-swarm[vmas]')"
+        return " (VMAS is not installed: pip install vmas==1.5.2)"
     times = figures["batch_agent_steps_per_s"] / vmas
     return f", {times:.0f} times VMAS flocking ({vmas:,.0f}/s)"
 

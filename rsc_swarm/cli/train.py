@@ -70,7 +70,9 @@ def _train(config: "TrainingConfig", out: Path | None, device: str, threads: int
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in _NEEDED:
             raise
-        raise TrainingError(f"training needs {error.name}: pip install 'rsc-swarm[train]'") from None
+        raise TrainingError(
+            f"training needs {error.name}: pip install -e '.[train]', in the clone of rsc-swarm"
+        ) from None
     folder = out or Path("training") / f"{config.name}-{config.seed}"
     progress = _Progress()
     try:

@@ -155,7 +155,10 @@ def test_without_torch_one_line_says_what_to_install(monkeypatch, capsys):
     with pytest.raises(SystemExit) as left:
         cli.main()
     assert left.value.code == 2
-    assert "training needs torch: pip install 'rsc-swarm[train]'" in capsys.readouterr().err
+    assert (
+        "training needs torch: pip install -e '.[train]', in the clone of rsc-swarm"
+        in capsys.readouterr().err
+    )
 
 
 _LOOK = """

@@ -1,6 +1,6 @@
 """What all pictures share: colours, bare axes, and a file at the end.
 
-Needs matplotlib (``pip install 'rsc-swarm[plot]'``), which nothing else does.
+Needs matplotlib (``pip install matplotlib``), which nothing else does.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def new_figure(width: float, height: float) -> Any:
     try:
         import matplotlib
     except ImportError:
-        raise PlotError("plot needs matplotlib: pip install 'rsc-swarm[plot]'") from None
+        raise PlotError("plot needs matplotlib: pip install matplotlib") from None
     matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
