@@ -117,13 +117,15 @@ def simulate(mission: Mission | Sequence[Mission]) -> Flight | list[Flight]:
     """Fly a mission, or each of several, in this process, as fast as it goes.
 
     Raises:
-        PolicyError, MissionError, world.field.FieldError: it cannot be flown.
+        PolicyError, MissionError, world.field.FieldError: it cannot be flown. KeyboardInterrupt: Ctrl-C.
     """
     if not isinstance(mission, Mission):
         return [simulate(one) for one in mission]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.npz"
         flown = fly(mission, trajectory=path)
+        if flown.outcome.failure == "interrupted":
+            raise KeyboardInterrupt
         again = shlex.join(["rsc-swarm", "simulate", *_settings(mission)])
         return Flight(
             mission, report_of(flown, mission, "simulate", "lockstep", again), Trajectory.load(path)

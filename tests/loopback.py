@@ -10,8 +10,11 @@ from collections.abc import Callable
 from agent.process import Drone
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire import messages
+from protocols.wire.messages import Bye, Hello, Ready, Tick, Wait, Welcome
+from world.outcome import Flown
 from world.outlets.snapshot import Snapshot
-from world.server.session import Clock, Flown, WorldServer
+from world.server.ports import Lost
+from world.server.session import Clock, WorldServer
 
 Meddle = Callable[[int, int, bytes], list[bytes]]  # agent, tick, its reply -> what reaches the world instead
 _NAP_S = 0.002
@@ -23,7 +26,10 @@ class Loopback:
     def __init__(self, mission: Mission, meddle: Meddle | None = None) -> None:
         self.mission = mission
         self.drones: dict[int, Drone] = {}
-        self.gone: list[int] = []  # processes to be reported as ended
+        self.gone: list[Lost] = []  # processes to be reported as ended
+        self.stopped: set[int] = set()  # processes that are known to be stopped
+        self.told: dict[int, int] = {}  # messages that each was sent
+        self.process = {agent: 100 + agent for agent in range(mission.agents)}
         self.pictures: list[Snapshot] = []
         self.waits = 0
         self.applied: list[tuple[str, tuple[int, ...]]] = []
@@ -33,27 +39,32 @@ class Loopback:
         self._said: deque[tuple[int, bytes]] = deque()
         self._tick = -1
         for agent in range(mission.agents):
-            self.say(agent, messages.pack(messages.HELLO, messages.VERSION))
+            self.knock(agent)
+
+    def knock(self, agent: int) -> None:
+        """Its process asks to take part."""
+        self.say(agent, messages.pack(Hello(messages.VERSION, self.process[agent])))
 
     def say(self, agent: int, data: bytes) -> None:
         """This reaches the world as from ``agent``."""
         self._said.append((agent, data))
 
     def send(self, agent: int, payload: bytes) -> None:
-        kind, fields = messages.unpack(payload)
-        self.waits += kind == messages.WAIT
+        message = messages.unpack_from_world(payload)
+        self.waits += isinstance(message, Wait)
+        self.told[agent] = self.told.get(agent, 0) + 1
         if agent not in self._alive:
             return
-        if kind == messages.WELCOME:
-            mission, slots, boot = fields
-            self.drones[agent] = Drone(parse_mission(mission), agent, slots, boot)
-            self.say(agent, messages.pack(messages.READY))
-        elif kind == messages.TICK:
-            self._tick = fields[0]
-            for data in self._meddle(agent, fields[0], self.drones[agent].answer(*fields)):
+        if isinstance(message, Welcome) and message.process == self.process[agent]:
+            self.drones[agent] = Drone(parse_mission(message.mission), agent, message)
+            self.say(agent, messages.pack(Ready(message.process)))
+        elif isinstance(message, Tick):
+            self._tick = message.tick
+            reply = messages.pack(self.drones[agent].answer(message))
+            for data in self._meddle(agent, message.tick, reply):
                 self.say(agent, data)
-        elif kind == messages.BYE and agent in self.drones:
-            self.say(agent, self.drones[agent].farewell())
+        elif isinstance(message, Bye) and agent in self.drones:
+            self.say(agent, messages.pack(self.drones[agent].farewell()))
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         if self._said:
@@ -69,9 +80,13 @@ class Loopback:
                 self._alive.discard(agent)
             if kind == "restart":
                 self._alive.add(agent)
-                self.say(agent, messages.pack(messages.HELLO, messages.VERSION))
+                self.process[agent] += 100
+                self.knock(agent)
 
-    def lost(self) -> list[int]:
+    def paused(self, agent: int) -> bool:
+        return agent in self.stopped
+
+    def lost(self) -> list[Lost]:
         gone, self.gone = self.gone, []
         return gone
 

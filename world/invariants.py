@@ -1,4 +1,4 @@
-"""The watch: what must hold among the drones' views of the slots, checked during every flight.
+"""The invariants: what must hold among the drones' views of the slots, checked during every flight.
 
     permutation  every view gives every slot to exactly one drone
     agreement    drones that know the same swaps (equal digests) have equal views
@@ -25,9 +25,9 @@ _COMMITTED, _VACATED, _UNDONE = (SWAP_COUNTS.index(name) for name in ("committed
 
 @dataclass(frozen=True)
 class Watched:
-    """What the watch saw in one flight. agreed_after_s: seconds from the last fault (or the start) to the first moment at which
-    all living drones had one view; None if there was none. allowed_after_s: the same, had every frame told all; None also where
-    nobody looked. agreed: whether they had one view at the end."""
+    """What was seen of them in one flight. agreed_after_s: seconds from the last fault (or the start) to the first moment at
+    which all living drones had one view; None if there was none. allowed_after_s: the same, had every frame told all; None also
+    where nobody looked. agreed: whether they had one view at the end."""
 
     breach: str | None
     views_differ_s: float
@@ -38,7 +38,7 @@ class Watched:
     undone: int
 
 
-class Watch:
+class Invariants:
     """Collects the views of N drones as they change."""
 
     def __init__(self, agents: int, cooldown_s: float) -> None:

@@ -17,7 +17,7 @@ from typing import Any, Self
 
 import zenoh
 
-from protocols.wire import keys
+from protocols.wire import keys, pieces
 from protocols.wire.keys import LinkError, Login
 
 _LOOK_AGAIN_S = 0.002
@@ -64,6 +64,7 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
         "timestamping/enabled": False,
         "transport/unicast/qos/enabled": False,
         "transport/unicast/lowlatency": True,
+        "transport/link/tx/lease": keys.LEASE_MS,
         "transport/shared_memory/enabled": False,
         "transport/auth/usrpwd/user": keys.user(login.agent),
         "transport/auth/usrpwd/password": login.password,
@@ -120,6 +121,7 @@ class AgentLink:
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
         # unlike a Zenoh channel it can be waited on for a limited time.
         self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+        self._joiner = pieces.Joiner()
         self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
         try:
             self._session.declare_subscriber(
@@ -150,11 +152,13 @@ class AgentLink:
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next message, oldest first; None when none comes in ``timeout_s`` (0: do not wait)."""
-        try:
-            sample = self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
-        except queue.Empty:
-            return None
-        return sample.payload.to_bytes()
+        while True:
+            try:
+                sample = self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
+            except queue.Empty:
+                return None
+            if (message := self._joiner.join(sample.payload.to_bytes())) is not None:
+                return message
 
     def close(self) -> None:
         if not self._session.is_closed():

@@ -12,6 +12,9 @@ from typing import NamedTuple
 from protocols.errors import BrokenError
 
 MAX_AGENTS = 255
+LEASE_MS = (
+    24 * 3_600_000
+)  # Zenoh would otherwise take who is stopped for ten seconds for gone, and lose what was under way
 
 # The protocols that both ends speak; what follows the port is left to Zenoh.
 _ENDPOINT = re.compile(r"unixsock-stream/.+|(tcp|tls|quic|ws)/.+:\d+.*")

@@ -1,46 +1,203 @@
-"""What the world and a drone's process say to each other over Zenoh, one msgpack array each, kind first.
+"""What the world and a drone's process say to each other over Zenoh: one msgpack array each, kind first, then its fields.
 
-drone -> world   HELLO [version]                     asks to take part, repeated until welcomed
-                 READY []                            will answer every tick from now on
-                 REPLY [tick, ax, ay, slot, frame or nil, status or nil]
-world -> drone   WELCOME [mission, initial slots, boot]
-                 TICK [tick, sensed (3 byte strings), who sent each frame (1 byte each), frames heard]
-                 WAIT []                             nothing new, but the world is alive
-                 BYE []                              the flight is over; answered by a last REPLY with a status
+drone -> world   Hello     asks to take part, repeated until welcomed
+                 Ready     will answer every tick from now on; also the answer to Wait: I am here
+                 Reply     the answer to a Tick
+                 Farewell  the answer to Bye
+world -> drone   Welcome   the mission
+                 Tick      what is sensed and heard now
+                 Wait      nothing new, but the world is alive
+                 Bye       the flight is over
+                 Refused   this process has no place in the flight
+
+Two processes may hold one login: each drawn number ``process`` tells one from the other, and the world flies one of them.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgpack
 
-VERSION = 2
-HELLO, READY, REPLY, WELCOME, TICK, WAIT, BYE = range(7)
-SILENCE_LIMIT_S = 1.5  # a drone's process leaves when the world has said nothing for this long
-WAIT_EVERY_S = 0.2  # so the world says at least WAIT this often
+from protocols.dynamics import ABSURD_MPS2
+from protocols.wire.frames import MAX_FRAME_BYTES
+from protocols.wire.sensed import Packed
+from protocols.wire.status import AgentStatus, parse_status
+
+VERSION = 3
+WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
+SILENCE_LIMIT_S = (
+    90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
+)
 MAX_HEARD = 96  # frames one drone can be handed in one tick
+MAX_PROCESS = 2**32 - 1
+_MAX_REPLY_BYTES = 65_535
 
 
 class MessageError(ValueError):
     """A message that is not of this protocol."""
 
 
-def pack(kind: int, *fields: Any) -> bytes:
+class Hello(NamedTuple):
+    version: int
+    process: int
+
+
+class Ready(NamedTuple):
+    process: int
+
+
+class Reply(NamedTuple):
+    """Acceleration (ax, ay) in m/s^2, the slot it holds, a broadcast frame when one is due, now and then its account."""
+
+    process: int
+    tick: int
+    ax: float
+    ay: float
+    slot: int
+    frame: bytes | None
+    status: AgentStatus | None
+
+
+class Farewell(NamedTuple):
+    process: int
+    status: AgentStatus
+
+
+class Welcome(NamedTuple):
+    """``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted before."""
+
+    process: int
+    mission: dict[str, Any]
+    initial_slots: bytes
+    boot: int
+
+
+class Tick(NamedTuple):
+    """``sources[i]`` sent ``heard[i]``."""
+
+    tick: int
+    sensed: Packed
+    sources: bytes
+    heard: list[bytes]
+
+
+class Wait(NamedTuple):
+    pass
+
+
+class Bye(NamedTuple):
+    pass
+
+
+class Refused(NamedTuple):
+    process: int
+    why: str
+
+
+FromDrone = Hello | Ready | Reply | Farewell
+FromWorld = Welcome | Tick | Wait | Bye | Refused
+_KINDS: tuple[type, ...] = (Hello, Ready, Reply, Farewell, Welcome, Tick, Wait, Bye, Refused)
+_NUMBER = {kind: number for number, kind in enumerate(_KINDS)}
+
+
+def pack(message: FromDrone | FromWorld) -> bytes:
     """One message."""
-    packed: bytes = msgpack.packb((kind, *fields))
+    packed: bytes = msgpack.packb((_NUMBER[type(message)], *message))
     return packed
 
 
-def unpack(data: bytes) -> tuple[int, Sequence[Any]]:
-    """Kind and fields of a message.
-
-    Raises:
-        MessageError: not a message.
-    """
+def _unpack(data: bytes) -> tuple[type, list[Any]]:
     try:
-        kind, *fields = msgpack.unpackb(data)
+        number, *fields = msgpack.unpackb(data)
     except (ValueError, TypeError, msgpack.exceptions.UnpackException) as error:
         raise MessageError(f"not a message of this protocol ({type(error).__name__})") from error
-    if type(kind) is not int or not HELLO <= kind <= BYE:
-        raise MessageError(f"unknown kind of message {kind!r}")
+    if type(number) is not int or not 0 <= number < len(_KINDS):
+        raise MessageError("unknown kind of message")
+    kind = _KINDS[number]
+    if len(fields) != len(kind._fields):  # type: ignore[attr-defined]
+        raise MessageError(f"{kind.__name__}: {len(fields)} fields")
     return kind, fields
+
+
+def _whole(value: Any, highest: int, what: str) -> int:
+    if type(value) is not int or not 0 <= value <= highest:
+        raise MessageError(f"not {what}")
+    return value
+
+
+def _typed(fields: list[Any], *types: type) -> None:
+    for field, expected in zip(fields, types, strict=True):
+        if type(field) is not expected:
+            raise MessageError(f"{type(field).__name__} where {expected.__name__} is due")
+
+
+def _status(value: Any, agents: int) -> AgentStatus:
+    try:
+        return parse_status(value, agents)
+    except (ValueError, TypeError) as error:
+        raise MessageError(f"not an account ({error})") from error
+
+
+def unpack_from_drone(data: bytes, agents: int) -> FromDrone:
+    """What a drone of a swarm of ``agents`` says: right in form and range. A frame that is too long is cut, so that its receivers
+    refuse it as too long, and no more than that travels.
+
+    Raises:
+        MessageError: it is not what a drone says.
+    """
+    if len(data) > _MAX_REPLY_BYTES:
+        raise MessageError(f"{len(data)} bytes")
+    kind, fields = _unpack(data)
+    if kind is Hello and type(fields[0]) is int:
+        return Hello(fields[0], _whole(fields[1], MAX_PROCESS, "a process"))
+    if kind not in (Ready, Reply, Farewell):
+        raise MessageError(f"a drone does not say {kind.__name__}")
+    process = _whole(fields[0], MAX_PROCESS, "a process")
+    if kind is Ready:
+        return Ready(process)
+    if kind is Farewell:
+        return Farewell(process, _status(fields[1], agents))
+    _, tick, ax, ay, slot, frame, status = fields
+    if (
+        type(ax) is not float
+        or type(ay) is not float
+        or not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2)
+    ):
+        raise MessageError("not a command")
+    if frame is not None:
+        if type(frame) is not bytes:
+            raise MessageError("a frame is bytes")
+        frame = frame[: MAX_FRAME_BYTES + 1]
+    return Reply(
+        process,
+        _whole(tick, 2**63, "a tick"),
+        ax,
+        ay,
+        _whole(slot, agents - 1, "a slot"),
+        frame,
+        None if status is None else _status(status, agents),
+    )
+
+
+def unpack_from_world(data: bytes) -> FromWorld:
+    """What the world says: right in form.
+
+    Raises:
+        MessageError: it is not what the world says.
+    """
+    kind, fields = _unpack(data)
+    if kind is Tick:
+        _typed(fields, int, list, bytes, list)
+        if len(fields[1]) != 3:
+            raise MessageError("what is sensed comes in three parts")
+        return Tick(*fields)
+    if kind is Welcome:
+        _typed(fields, int, dict, bytes, int)
+        return Welcome(*fields)
+    if kind is Wait:
+        return Wait()
+    if kind is Bye:
+        return Bye()
+    if kind is Refused:
+        _typed(fields, int, str)
+        return Refused(*fields)
+    raise MessageError(f"the world does not say {kind.__name__}")

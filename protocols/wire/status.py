@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 from protocols.wire.frames import REASONS
 
+_EVERY = 50  # ticks between two accounts of one drone when nothing changes
+
 SWAP_COUNTS = (
     "proposed",
     "committed",
@@ -31,6 +33,11 @@ class AgentStatus(NamedTuple):
     swaps: tuple[int, ...]
     digest: int
     view: bytes
+
+
+def is_due(tick: int, changed: bool) -> bool:
+    """Whether a drone gives an account of itself at this tick: when its view of the slots has ``changed``, and now and then."""
+    return changed or tick % _EVERY == 0
 
 
 def parse_status(fields: Any, agents: int) -> AgentStatus:

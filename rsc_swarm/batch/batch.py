@@ -22,7 +22,7 @@ from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
 from rsc_swarm.batch import kernel as kernels
 from rsc_swarm.batch.kernel import ANALYTIC, EXPERT, FLYING, PAST, PLAN
 from world import field, referee
-from world.core import Outcome
+from world.outcome import Outcome
 
 NEIGHBOURS = 8  # neighbours noted per drone and tick
 _FAILURES = {kernels.COLLIDED: "collision", kernels.LATE: "late"}

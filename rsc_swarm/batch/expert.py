@@ -14,8 +14,8 @@ from rsc_swarm.batch import batch
 from rsc_swarm.batch import kernel as batch_kernel
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.kernel import FLYING
-from world.core import Outcome
 from world.invariants import Watched
+from world.outcome import Outcome
 
 EXPERT = "expert"
 FILES = (Path(batch.__file__), Path(batch_kernel.__file__))  # what besides the rules decides its flights

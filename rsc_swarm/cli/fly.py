@@ -7,13 +7,15 @@ from typing import Any, Literal, NamedTuple
 
 from protocols.errors import ExitCode
 from protocols.mission.document import Mission
+from protocols.whole_file import WriteError
 from rsc_swarm.cli.options import Clock, MissionOptions, command_line, resolve
 from rsc_swarm.cli.output import JsonOutput
+from rsc_swarm.flight.processes import leave_when_asked
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.show.render import plain, render, show
 from rsc_swarm.show.report import FlightReport, agents_text, report_of
 from rsc_swarm.show.view import View, line
-from world.server.session import Flown
+from world.outcome import Flown
 
 
 class Flight(NamedTuple):
@@ -26,11 +28,12 @@ class Flight(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a flight tells: its figures, and those only a launcher knows."""
+    """What a flight tells: its figures, and those only a launcher knows. ``unsaved``: why its paths could not be saved."""
 
     flown: Flown
     first_tick_s: float | None = None
     pss_mb: float | None = None
+    unsaved: str | None = None
 
 
 def fly_once(
@@ -61,13 +64,18 @@ def fly_once(
         reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
         print(reached, file=sys.stderr)
         return ExitCode.INTERRUPTED
-    realtime = {} if clock is Clock.lockstep else {"clock": clock.value}
-    again = command_line(mode, options, **(also or {}), **realtime)
-    report = report_of(told.flown, mission, mode, clock.value, again, told.first_tick_s, told.pss_mb)
-    if folder:
-        folder.finish(report, plain(render(report)))
-    output.write(report.model_dump_json(indent=2))
-    show(render(report), output.beside)
+    with (
+        leave_when_asked()
+    ):  # who pressed Ctrl-C once may press it again: what was flown is told and kept all the same
+        realtime = {} if clock is Clock.lockstep else {"clock": clock.value}
+        again = command_line(mode, options, **(also or {}), **realtime)
+        report = report_of(told.flown, mission, mode, clock.value, again, told.first_tick_s, told.pss_mb)
+        output.write(report.model_dump_json(indent=2))
+        show(render(report), output.beside)
+        if folder:  # last, because its disk may be full
+            folder.finish(report, plain(render(report)))
+    if told.unsaved:
+        raise WriteError(told.unsaved)
     return _ends(report)
 
 

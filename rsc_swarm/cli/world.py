@@ -43,16 +43,13 @@ def world(
 def _fly(listen: list[str], credentials: Path, join_s: float, flight: "Flight") -> "Told":
     from rsc_swarm.cli.fly import Told
     from rsc_swarm.flight.launch import serve_world
-    from world.outlets.recorder import Recorder
 
-    mission = flight.mission
-    recorder = Recorder(mission)
+    mission, place = flight.mission, flight.folder
     flight.view.say(
         f"waiting for {mission.agents} agents at {', '.join(listen)}; credentials are in {credentials}"
     )
-    flown = serve_world(
-        mission, flight.clock.value, listen, credentials, flight.view.update, recorder.record, join_s
+    trajectory = place.trajectory if place else None
+    flown, unsaved = serve_world(
+        mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s
     )
-    if flight.folder:
-        recorder.save(flight.folder.trajectory)
-    return Told(flown)
+    return Told(flown, unsaved=unsaved)

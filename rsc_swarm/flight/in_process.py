@@ -11,23 +11,15 @@ import numpy as np
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from protocols.wire.frames import MAX_FRAME_BYTES
-from protocols.wire.status import AgentStatus
+from rsc_swarm.flight.processes import leave_when_asked
 from rsc_swarm.flight.simulate import Simulation
-from world.medium.medium import TALLY
+from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot, snapshot
-from world.server.session import Flown
 
 _SHOW_EVERY_S = 1 / 8
 _SHOW_TICKS = 200  # and at least this often
 _LOOK_EVERY = 5  # ticks between two looks at the wall clock
-
-
-def statuses(simulation: Simulation, world: int = 0) -> dict[int, AgentStatus]:
-    """The drones' own accounts, by agent number."""
-    agents = simulation.world.shape[1]
-    return {agent: simulation.status(world * agents + agent) for agent in range(agents)}
 
 
 def fly(
@@ -41,56 +33,38 @@ def fly(
     Args:
         realtime: no faster than the wall clock.
         on_snapshot: called about 8 times a second, and once at the end.
-        trajectory: where to save every drone's path, also when the flight is interrupted.
+        trajectory: where to save every drone's path.
+
+    Ctrl-C ends the flight as interrupted; what was flown is told and saved like any other.
 
     Raises:
         world.field.FieldError, agent.policy.PolicyError: as Simulation.
     """
     simulation = Simulation([mission])
-    core = simulation.world
+    core, director = simulation.world, simulation.director
     recorder = Recorder(mission) if trajectory else None
-    sizes = np.zeros(MAX_FRAME_BYTES + 1, np.int64)
-    first_tick_at, begin = time.time(), time.perf_counter()
-    shown = -np.inf
-    try:
+    with leave_when_asked() as leave:
+        first_tick_at, begin = time.time(), time.perf_counter()
+        shown = -np.inf
+        if recorder:
+            recorder.record(core)
         while core.active[0]:
-            if recorder:
-                recorder.record(core)
-            simulation.tick()
-            sizes += np.bincount(np.minimum(simulation.frame_bytes, MAX_FRAME_BYTES), minlength=len(sizes))
-            if simulation.clock % _LOOK_EVERY and core.active[0]:
+            if leave.asked:
+                director.leave()
+            else:
+                director.tick()
+                if recorder:
+                    recorder.record(core)
+            if director.clock % _LOOK_EVERY and core.active[0]:
                 continue
             now = time.perf_counter() - begin
-            if realtime and now < simulation.clock * TICK_S:
-                time.sleep(simulation.clock * TICK_S - now)
-            due = now - shown >= _SHOW_EVERY_S or simulation.clock % _SHOW_TICKS == 0
+            if realtime and now < director.clock * TICK_S:
+                time.sleep(director.clock * TICK_S - now)
+            due = now - shown >= _SHOW_EVERY_S or director.clock % _SHOW_TICKS == 0
             if on_snapshot and (due or not core.active[0]):
                 shown = now
-                on_snapshot(snapshot(core, statuses(simulation), simulation.clock * TICK_S / now))
-    finally:
+                on_snapshot(snapshot(core, dict(simulation.farewell()), director.clock * TICK_S / now))
+        flown = director.flown(time.perf_counter() - begin, first_tick_at)
         if recorder and trajectory:
-            recorder.record(core)
             recorder.save(trajectory)
-    outcome = core.outcomes[0]
-    assert outcome is not None
-    wall = time.perf_counter() - begin
-    return Flown(
-        outcome=outcome,
-        tally=dict(zip(TALLY, (int(number) for number in core.tally[0]), strict=True)),
-        statuses=statuses(simulation),
-        watched=simulation.watches[0].result(),
-        wall_s=wall,
-        real_time_factor=simulation.clock * TICK_S / wall,
-        deadline_misses=0,
-        median_frame_bytes=_median(sizes),
-        message_bytes=(0.0, 0.0),
-        first_tick_at=first_tick_at,
-    )
-
-
-def _median(counts: np.ndarray) -> float:
-    """The median of sizes given as counts per size; size 0 means that nothing was sent."""
-    counts = counts.copy()
-    counts[0] = 0
-    total = int(counts.sum())
-    return float(np.searchsorted(np.cumsum(counts), (total + 1) // 2)) if total else 0.0
+    return flown

@@ -5,6 +5,7 @@ the world shows, does to processes what the mission says goes wrong with them, a
 """
 
 import gc
+import math
 import os
 import signal
 import time
@@ -12,27 +13,30 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import psutil
 
 from agent.policy import PolicyError
 from agent.process import WORLD_SILENT, fly, rehearse
 from agent.radio.link import AgentLink
-from protocols.errors import BrokenError, ExitCode, SwarmError
+from protocols.errors import BrokenError, ExitCode
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError, Login
-from rsc_swarm.flight.processes import Exit, Leave, Supervisor, leave_on_sigterm
+from rsc_swarm.flight.processes import Exit, Leave, Supervisor, leave_on_sigterm, leave_when_asked
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.flight.socket_folder import RunFolder
-from world.core import WorldCore
+from rsc_swarm.flight.world_process import be_world, save_path
+from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.link import Credentials, WorldLink
-from world.server.session import Clock, Flown, NoControl, ServerError, WorldServer
+from world.server.ports import NoControl
+from world.server.session import Clock, ServerError, WorldServer
 
 _GRACE_S = 2.0
+_SAVING_S = 60.0  # patience for a world that was asked to leave
 _WORLD = "world"
 _POLICY_WENT_WRONG = int(ExitCode.BAD_USAGE)  # of a drone; the last line of its log says what happened
 
@@ -43,67 +47,29 @@ class RunBroken(BrokenError, RuntimeError):
 
 @dataclass(frozen=True)
 class Launched:
-    """A flight with the figures only the launcher knows. pss_mb: mean proportional memory of a drone's process."""
+    """A flight with the figures only the launcher knows.
+
+    pss_mb: mean proportional memory of a drone's process. unsaved: why ``trajectory.npz`` could not be written.
+    """
 
     flown: Flown
     first_tick_s: float
     pss_mb: float | None
-
-
-class _Pipe:
-    """The world's end of the launcher's pipe (world.server.session.Control)."""
-
-    def __init__(self, pipe: Connection, leave: Leave) -> None:
-        self._pipe, self._leave = pipe, leave
-
-    def apply(self, kind: str, agents: tuple[int, ...]) -> None:
-        if kind in ("kill", "freeze", "thaw", "restart"):
-            self._pipe.send(("apply", kind, agents))
-
-    def lost(self) -> list[int]:
-        agents = []
-        while self._pipe.poll():
-            agents.append(self._pipe.recv())
-        return agents
-
-    def show(self, picture: Snapshot) -> None:
-        self._pipe.send(("show", picture))
-
-    def leaving(self) -> bool:
-        return self._leave.asked
-
-
-def _world(
-    mission: Mission,
-    clock: Clock,
-    credentials: Credentials,
-    endpoint: str,
-    pipe: Connection,
-    trajectory: Path | None,
-) -> None:
-    """The world's process: flies the mission and sends what came of it down the pipe."""
-    control = _Pipe(pipe, leave_on_sigterm())
-    try:
-        with WorldLink(credentials, [endpoint]) as link:
-            recorder = Recorder(mission) if trajectory else None
-            server = WorldServer(mission, link, clock, control, recorder.record if recorder else None)
-            flown = server.run()
-        if recorder and trajectory:
-            recorder.save(trajectory)
-        pipe.send(("flown", flown))
-    except SwarmError as error:
-        pipe.send(("broken", str(error)))
+    unsaved: str | None
 
 
 def _agent(agent: int, endpoint: str, login: Login) -> None:
-    """A drone's process. It works in bursts, and waking up must not push the world off its core: that is batch scheduling."""
+    """A drone's process. It works in bursts, and waking up must not push the world off its core: that is batch scheduling.
+
+    However long the world is silent, it stays: its launcher ends it.
+    """
     with suppress(OSError):  # not everywhere allowed
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     gc.set_threshold(100_000)  # a tick leaves no cycles behind
     leave = leave_on_sigterm()
     try:
         with AgentLink(endpoint, login) as link:
-            print(f"agent {agent}: {fly(link, agent, lambda: leave.asked)}", flush=True)
+            print(f"agent {agent}: {fly(link, agent, lambda: leave.asked, math.inf)}", flush=True)
     except PolicyError as error:
         print(error, flush=True)
         raise SystemExit(_POLICY_WENT_WRONG) from None
@@ -129,7 +95,7 @@ class _Launch:
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
         self._pipe, theirs = Pipe()
         self._expected: set[str] = set()  # ends that this launcher brought about
-        self._start(_WORLD, _world, mission, clock, self._credentials, folder.endpoint, theirs, trajectory)
+        self._start(_WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, trajectory)
         theirs.close()
         for agent in range(mission.agents):
             self._start_agent(agent)
@@ -148,48 +114,78 @@ class _Launch:
 
     def _start_agent(self, agent: int) -> None:
         self._start(_name(agent), _agent, agent, self._folder.endpoint, self._credentials.login(agent))
+        self._tell("started", agent, self._supervisor.pid(_name(agent)))
 
-    def watch(self, on_snapshot: Callable[[Snapshot], None], weigh: bool) -> tuple[Flown, float | None]:
-        """Serve the world until it says what came of the flight.
+    def _tell(self, what: str, agent: int, value: object) -> None:
+        with suppress(OSError):  # the world is gone; its pipe says so
+            self._pipe.send((what, agent, value))
+
+    def watch(
+        self, on_snapshot: Callable[[Snapshot], None], weigh: bool, leave: Leave
+    ) -> tuple[Flown, float | None, str | None]:
+        """Serve the world until it has said what came of the flight and saved it; as `Launched`, without the time.
 
         Raises:
-            RunBroken: the world said so, or ended without a word.
+            RunBroken: the world said so, or ended without a word. KeyboardInterrupt: asked to leave before anything was flown.
             agent.policy.PolicyError: a drone's policy raised.
         """
         pss: float | None = None
-        while True:
-            if self._pipe.poll(0.05):
-                try:
-                    message = self._pipe.recv()
-                except EOFError:
-                    message = ("silent",)
-                if message[0] == "show":
-                    on_snapshot(message[1])
-                    if weigh and pss is None and message[1].tick > 100:
-                        pss = self._weigh()
-                elif message[0] == "apply":
-                    self._apply(message[1], message[2])
-                elif message[0] == "flown":
-                    return message[1], pss
-                elif message[0] == "broken":
-                    raise RunBroken(f"{message[1]}{self._first_complaint()}")
-                else:
-                    ended = self._supervisor.wait(1.0, [_WORLD])
-                    end = next((exit_ for exit_ in ended if exit_.name == _WORLD), None)
-                    raise RunBroken(f"{end or 'the world closed its pipe'}{self._first_complaint()}")
+        flown: Flown | None = None
+        deadline = math.inf
+        while time.monotonic() < deadline:
+            if leave.asked and deadline == math.inf:
+                deadline = time.monotonic() + _SAVING_S
+                self._supervisor.ask(_WORLD)
+            what, *said = self._hear()
+            if what == "show":
+                on_snapshot(said[0])
+                if weigh and pss is None and said[0].tick > 100:
+                    pss = self._weigh()
+            elif what == "apply":
+                self._apply(*said)
+            elif what == "flown":
+                flown = said[0]
+            elif what == "saved":
+                assert flown is not None
+                return flown, pss, said[0]
+            elif what == "broken" and not leave.asked:
+                raise RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
+            elif what in ("broken", "silent"):
+                if flown is not None:
+                    return flown, pss, f"{self._why_silent()}, before it had saved the flight"
+                if not leave.asked:
+                    raise RunBroken(self._why_silent())
+                break
             self._report_ends(self._supervisor.poll())
+        raise KeyboardInterrupt
+
+    def _hear(self) -> tuple[Any, ...]:
+        """What the world says, or ("nothing",)."""
+        if not self._pipe.poll(0.05):
+            return ("nothing",)
+        try:
+            said: tuple[Any, ...] = self._pipe.recv()
+        except (EOFError, OSError):
+            return ("silent",)
+        return said
+
+    def _why_silent(self) -> str:
+        ended = self._supervisor.wait(1.0, [_WORLD])
+        end = next((exit_ for exit_ in ended if exit_.name == _WORLD), None)
+        why = str(end or "the world closed its pipe")
+        return f"{why}{self._first_complaint(why)}"
 
     def _report_ends(self, ends: list[Exit]) -> None:
         for end in ends:
             if end.name == _WORLD or end.name in self._expected:
                 self._expected.discard(end.name)
                 continue
+            log = self._log(end.name).read_text(errors="replace").splitlines()
             if end.code == _POLICY_WENT_WRONG:
-                raise PolicyError(self._log(end.name).read_text(errors="replace").splitlines()[-1])
-            try:
-                self._pipe.send(int(end.name.removeprefix("agent-")))
-            except OSError:
-                return  # the world is gone; its pipe says so
+                raise PolicyError(log[-1])
+            complaint = next((line for line in log if line.startswith(f"{end.name}: ")), "")
+            how = f"its process ({end.pid}) {end.how}{complaint and f' ({complaint})'}"
+            self._tell("ended", int(end.name.removeprefix("agent-")), how)
 
     def _apply(self, kind: str, agents: tuple[int, ...]) -> None:
         for agent in agents:
@@ -218,12 +214,12 @@ class _Launch:
         ]
         return sum(sizes) / max(len(sizes), 1) / 1e6
 
-    def _first_complaint(self) -> str:
-        """The first line any process wrote about its end, for the one-line error."""
+    def _first_complaint(self, known: str) -> str:
+        """The first line any process wrote about its end, for the one-line error; nothing if that is ``known``."""
         for log in sorted((self._logs or self._folder.path).glob("*.log")):
             for line in log.read_text(errors="replace").splitlines():
                 if "Error" in line:
-                    return f" ({line})"
+                    return "" if line in known else f" ({line})"
         return ""
 
 
@@ -249,20 +245,21 @@ def launch(
 
     Raises:
         RunBroken: the run itself broke. world.field.FieldError, agent.policy.PolicyError: the mission cannot be flown.
-        KeyboardInterrupt: after all processes have ended.
+        KeyboardInterrupt: asked to leave (Ctrl-C, SIGTERM) before the first tick; later that ends the flight as interrupted, and
+            what was flown is told and saved like any other.
     """
     warm_up(mission)
     logs = run_dir / "logs" if run_dir else None
     if logs:
         logs.mkdir(exist_ok=True)
-    with RunFolder() as folder, Supervisor() as supervisor:
+    with leave_when_asked() as leave, RunFolder() as folder, Supervisor() as supervisor:
         run = _Launch(
             mission, clock, logs, run_dir / "trajectory.npz" if run_dir else None, supervisor, folder
         )
-        flown, pss = run.watch(on_snapshot, weigh)
+        flown, pss, unsaved = run.watch(on_snapshot, weigh, leave)
         supervisor.stop(_GRACE_S)
     born = psutil.Process(os.getpid()).create_time()
-    return Launched(flown, flown.first_tick_at - born, pss)
+    return Launched(flown, flown.first_tick_at - born, pss, unsaved)
 
 
 def serve_world(
@@ -271,26 +268,33 @@ def serve_world(
     listen: list[str],
     login_folder: Path,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
-    record: Callable[[WorldCore], None] | None = None,
+    trajectory: Path | None = None,
     join_s: float = 120.0,
-) -> Flown:
+) -> tuple[Flown, str | None]:
     """Be the world alone: write one login file per drone into ``login_folder``, wait for all drones, fly.
 
+    Returns:
+        The flight, and why ``trajectory`` could not be written.
+
     Raises:
-        RunBroken: it cannot listen there, or drones did not come.
+        RunBroken: it cannot listen there, drones did not come, or one was lost without the mission's doing.
     """
     warm_up(mission)
-    leave = leave_on_sigterm()
     credentials = Credentials.fresh(mission.swarm, mission.agents)
     login_folder.mkdir(parents=True, exist_ok=True)
     for agent in range(mission.agents):
         credentials.save_login(agent, login_folder / f"{_name(agent)}.json")
-    try:
-        with WorldLink(credentials, listen) as link:
-            control = NoControl(lambda: leave.asked, on_snapshot)
-            return WorldServer(mission, link, clock, control, record, join_s).run()
-    except (ServerError, LinkError) as error:
-        raise RunBroken(str(error)) from None
+    recorder = Recorder(mission) if trajectory else None
+    with leave_when_asked() as leave:
+        try:
+            with WorldLink(credentials, listen) as link:
+                control = NoControl(lambda: leave.asked, on_snapshot)
+                record = recorder.record if recorder else None
+                flown = WorldServer(mission, link, clock, control, record, join_s).run()
+        except (ServerError, LinkError) as error:
+            save_path(recorder, trajectory)
+            raise RunBroken(str(error)) from None
+        return flown, save_path(recorder, trajectory)
 
 
 def _login(file: Path) -> Login:

@@ -18,15 +18,18 @@ import re
 import select
 import signal
 import sys
+import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, NoReturn, Self
 
 from rsc_swarm.flight.socket_folder import remove_run_folder
 
+_ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PR_SET_PDEATHSIG = 1
 _LEAVE_WITHOUT_LAUNCHER_S = 1.5
 _ZENOH_THREAD = re.compile(r"(app|acc|tx|rx|net)-\d+")
@@ -44,13 +47,13 @@ class Exit(NamedTuple):
     signal: int | None
 
     @property
-    def clean(self) -> bool:
-        return self.code == 0
+    def how(self) -> str:
+        if self.signal is not None:
+            return f"was ended by {signal.Signals(self.signal).name}"
+        return f"ended with exit code {self.code}"
 
     def __str__(self) -> str:
-        if self.signal is not None:
-            return f"{self.name} (process {self.pid}) was ended by {signal.Signals(self.signal).name}"
-        return f"{self.name} (process {self.pid}) ended with exit code {self.code}"
+        return f"{self.name} (process {self.pid}) {self.how}"
 
 
 class Leave:
@@ -74,6 +77,28 @@ def leave_on_sigterm() -> Leave:
 
     signal.signal(signal.SIGTERM, ask)
     return leave
+
+
+@contextmanager
+def leave_when_asked() -> Iterator[Leave]:
+    """Within the block Ctrl-C, SIGTERM and a closing terminal only ask to leave, however often: what was flown is saved first.
+
+    Elsewhere than in a process's main thread no signals arrive, and nothing is changed.
+    """
+    leave = Leave()
+    if threading.current_thread() is not threading.main_thread():
+        yield leave
+        return
+
+    def ask(_signal: int, _frame: FrameType | None) -> None:
+        leave.asked = True
+
+    before = {number: signal.signal(number, ask) for number in _ASKING}
+    try:
+        yield leave
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def launcher_died() -> bool:
@@ -173,8 +198,7 @@ class Supervisor:
         ended: list[Exit] = []
         try:
             for name in asked:
-                self._signal(name, signal.SIGTERM)
-                self._signal(name, signal.SIGCONT)
+                self.ask(name)
             deadline = time.monotonic() + grace_s
             while any(name in self._children for name in asked) and time.monotonic() < deadline:
                 ended += self.wait(deadline - time.monotonic(), asked)
@@ -187,6 +211,12 @@ class Supervisor:
                     child = self._children[name]
                     ended.append(self._bury(child, os.waitpid(child.pid, 0)[1]))
         return ended
+
+    def ask(self, name: str) -> None:
+        """Ask one child to leave (SIGTERM), if it still runs; a frozen one is thawed to hear it."""
+        if name in self._children:
+            self._signal(name, signal.SIGTERM)
+            self._signal(name, signal.SIGCONT)
 
     def kill(self, name: str) -> None:
         """SIGKILL one child; its end is reported by ``poll``."""

@@ -13,8 +13,7 @@ from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.wire.frames import REASONS
 from protocols.wire.status import SWAP_COUNTS
-from world.core import Outcome
-from world.server.session import Flown
+from world.outcome import Flown, Outcome
 
 Failure = Literal["collision", "late", "broken-invariant", "all-lost", "interrupted"]
 

@@ -20,9 +20,9 @@ from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
 from rsc_swarm.flight.simulate import Simulation
-from world.core import Outcome
 from world.field import FieldError, draw_obstacles, draw_start
 from world.invariants import Watched
+from world.outcome import Outcome
 
 Seeds = tuple[int, int]  # map seed, start seed
 _TELL_EVERY = 50  # ticks
@@ -105,11 +105,14 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
         for world in simulation.tick():
             outcome = simulation.world.outcomes[world]
             assert outcome is not None
-            counts = [simulation.status(world * agents + agent).swaps for agent in range(agents)]
+            counts = [
+                simulation.status(world * agents + agent, simulation.clock - 1).swaps
+                for agent in range(agents)
+            ]
             swaps = {
                 name: sum(count) for name, count in zip(SWAP_COUNTS, zip(*counts, strict=True), strict=True)
             }
-            yield Flight(*seeds[world], outcome, simulation.watches[world].result(), swaps)
+            yield Flight(*seeds[world], outcome, simulation.invariants[world].result(), swaps)
 
 
 def _missions(mission: Mission, seeds: list[Seeds]) -> list[Mission]:

@@ -14,12 +14,26 @@ from agent.process import Drone, fly
 from protocols.mission.document import parse_mission
 from protocols.wire import messages
 from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
+from protocols.wire.keys import LinkError
+from protocols.wire.messages import (
+    Bye,
+    Farewell,
+    FromWorld,
+    Hello,
+    Ready,
+    Refused,
+    Reply,
+    Tick,
+    Wait,
+    Welcome,
+)
 from protocols.wire.sensed import SensedPacker, empty_sensed
 from rsc_swarm.flight.simulate import Simulation
 from tests import loopback
 
 MISSION = parse_mission({"agents": 6})
 ME, TAG = 2, swarm_tag("rsc")
+WELCOME = Welcome(0, MISSION.model_dump(mode="json"), bytes(range(6)), 0)
 
 
 def sensed() -> Any:
@@ -30,7 +44,7 @@ def sensed() -> Any:
 
 
 def drone() -> Drone:
-    return Drone(MISSION, ME, bytes(range(6)), 0)
+    return Drone(MISSION, ME, WELCOME)
 
 
 def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
@@ -58,12 +72,14 @@ def from_others(heard: list[bytes]) -> tuple[bytes, list[bytes]]:
     return bytes(sources), heard
 
 
-def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[bytes], dict[str, int]]:
+def ticked(tick: int, heard: list[bytes]) -> Tick:
+    return Tick(tick, sensed(), *from_others(heard))
+
+
+def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[Reply], dict[str, int]]:
     """A drone's answers to some ticks in a row, without its account of itself; what it has rejected."""
-    one, said = drone(), []
-    for tick in range(NOW, NOW + ticks):
-        kind, fields = messages.unpack(one.answer(tick, sensed(), *from_others(heard if tick == NOW else [])))
-        said.append(messages.pack(kind, *fields[:5]))
+    one, times = drone(), range(NOW, NOW + ticks)
+    said = [one.answer(ticked(tick, heard if tick == NOW else []))._replace(status=None) for tick in times]
     return said, one.rejected
 
 
@@ -73,7 +89,7 @@ DEAF = answers([])[0]
 def test_a_frame_in_anothers_name_is_dropped() -> None:
     sources, heard = from_others(GOOD)
     one = drone()
-    one.answer(NOW, sensed(), bytes(source + 1 for source in sources), heard)
+    one.answer(Tick(NOW, sensed(), bytes(source + 1 for source in sources), heard))
     assert one.rejected["sender"] == len(heard)
 
 
@@ -147,9 +163,9 @@ def test_whatever_reading_one_frame_ends_in_costs_that_frame_alone(
 
 def test_a_frame_from_the_past_or_the_future_is_stale() -> None:
     late = drone()
-    late.answer(NOW + 500, sensed(), *from_others(GOOD))
+    late.answer(ticked(NOW + 500, GOOD))
     early = drone()
-    early.answer(NOW - 1, sensed(), *from_others(GOOD))
+    early.answer(ticked(NOW - 1, GOOD))
     assert late.rejected == early.rejected == rejected(stale=5)
 
 
@@ -192,7 +208,7 @@ def test_a_good_frame_with_one_byte_changed_is_believed_or_as_good_as_unheard(
     data[at % len(data)] ^= flip
     said, counts = answers([bytes(data)])
     assert sum(counts.values()) == 0 or said == DEAF
-    assert all(np.isfinite(messages.unpack(answer)[1][1]) for answer in said)
+    assert all(np.isfinite(answer.ax) for answer in said)
 
 
 NOTES = st.tuples(
@@ -212,10 +228,8 @@ NOTES = st.tuples(
 def test_whatever_neighbours_say_about_slots_a_drone_goes_on_and_holds_one(notes: list[Any]) -> None:
     one = drone()
     heard = [altered(5, note, frame) for note, frame in zip(notes, GOOD, strict=False)]
-    one.answer(NOW, sensed(), *from_others(heard))
-    kind, fields = messages.unpack(one.answer(NOW + 1, sensed(), *from_others([])))
-    assert kind == messages.REPLY
-    assert 0 <= fields[3] < 6
+    one.answer(ticked(NOW, heard))
+    assert 0 <= one.answer(ticked(NOW + 1, [])).slot < 6
     assert sorted(one.status().view) == list(range(6))
 
 
@@ -225,77 +239,109 @@ def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None
 
 
 def test_a_drone_that_begins_in_mid_flight_takes_nobody_for_dead() -> None:
-    one = Drone(MISSION, ME, bytes(range(6)), 1)
-    one.answer(900, sensed(), *from_others([]))
+    one = Drone(MISSION, ME, WELCOME._replace(boot=1))
+    one.answer(ticked(900, []))
     assert one.core._memory.last_seen[0].tolist() == [900] * 6
 
 
 class Script:
-    """A link on which the world says these messages one after the other, and then nothing."""
+    """A link on which the world says these messages one after the other, and then nothing; it welcomes whoever says Hello."""
 
-    def __init__(self, *said: bytes) -> None:
-        self.said, self.heard = list(said), []
+    def __init__(self, *said: FromWorld) -> None:
+        self.said, self.heard, self.process = list(said), [], 0
 
     def receive(self, timeout_s: float) -> bytes | None:
-        return self.said.pop(0) if self.said else None
+        if not self.said:
+            return None
+        message = self.said.pop(0)
+        if message == WELCOME:
+            message = WELCOME._replace(process=self.process)
+        return messages.pack(message)
 
     def send(self, payload: bytes) -> None:
-        self.heard.append(messages.unpack(payload))
+        self.heard.append(messages.unpack_from_drone(payload, 6))
+        if isinstance(self.heard[-1], Hello):
+            self.process = self.heard[-1].process
 
+    @property
+    def kinds(self) -> list[type]:
+        return [type(message) for message in self.heard]
 
-WELCOME = messages.pack(messages.WELCOME, MISSION.model_dump(mode="json"), bytes(range(6)), 0)
-BYE = messages.pack(messages.BYE)
-
-
-def tick_message(tick: int) -> bytes:
-    return messages.pack(messages.TICK, tick, sensed(), *from_others([]))
+    @property
+    def answered(self) -> list[int]:
+        return [message.tick for message in self.heard if isinstance(message, Reply)]
 
 
 def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
-    world = Script(WELCOME, tick_message(0), messages.pack(messages.WAIT), tick_message(1), BYE)
+    world = Script(WELCOME, ticked(0, []), Wait(), ticked(1, []), Bye())
     assert fly(world, ME, lambda: False) == "the flight is over"
-    assert [kind for kind, _ in world.heard] == [messages.HELLO, messages.READY] + [messages.REPLY] * 3
-    assert [fields[0] for _, fields in world.heard[2:]] == [0, 1, 1]
-    assert world.heard[-1][1][5] is not None, "the last reply brings its account"
+    assert world.kinds == [Hello, Ready, Reply, Ready, Reply, Farewell]
+    assert world.answered == [0, 1]
+    assert {message.process for message in world.heard} == {world.process}
 
 
 def test_a_drone_repeats_its_hello_until_it_is_welcomed_and_leaves_a_silent_world() -> None:
     world = Script()
     assert fly(world, ME, lambda: False) == "the world has fallen silent"
-    assert [kind for kind, _ in world.heard] == [messages.HELLO] * len(world.heard)
+    assert world.kinds == [Hello] * len(world.heard)
     assert len(world.heard) > 3
 
 
 def test_a_world_that_only_says_wait_is_not_silent() -> None:
-    world = Script(*[messages.pack(messages.WAIT)] * 50, BYE)
+    world = Script(*[Wait()] * 500, Bye())
     assert fly(world, ME, lambda: False) == "the flight is over"
 
 
 def test_a_drone_leaves_when_asked_to() -> None:
-    world = Script(WELCOME, *(tick_message(tick) for tick in range(100)))
+    world = Script(WELCOME, *(ticked(tick, []) for tick in range(100)))
     assert fly(world, ME, lambda: len(world.heard) > 10) == "asked to leave"
     assert len(world.heard) == 11
 
 
 def test_ticks_before_the_welcome_are_not_answered() -> None:
-    world = Script(tick_message(0), WELCOME, tick_message(1), BYE)
+    world = Script(ticked(0, []), WELCOME, ticked(1, []), Bye())
     fly(world, ME, lambda: False)
-    assert [fields[0] for kind, fields in world.heard if kind == messages.REPLY] == [1, 1]
+    assert world.answered == [1]
 
 
 def test_a_second_welcome_does_not_make_a_drone_forget() -> None:
-    world = Script(WELCOME, tick_message(0), WELCOME, tick_message(1), BYE)
+    world = Script(WELCOME, ticked(0, []), WELCOME, ticked(1, []), Bye())
     fly(world, ME, lambda: False)
-    assert [kind for kind, _ in world.heard].count(messages.READY) == 1
+    assert world.kinds.count(Ready) == 1
+
+
+def test_what_is_said_to_another_process_with_its_login_moves_it_not() -> None:
+    world = Script(WELCOME._replace(process=7), ticked(0, []), Refused(7, "not you"), Wait(), Bye())
+    assert fly(world, ME, lambda: False) == "the flight is over"
+    assert world.kinds == [Hello]
+
+
+def test_a_drone_that_is_refused_leaves_and_says_why() -> None:
+    class Refusing(Script):
+        def receive(self, timeout_s: float) -> bytes | None:
+            return messages.pack(Refused(self.process, "there is one already"))
+
+    with pytest.raises(LinkError, match=r"^there is one already$"):
+        fly(Refusing(), ME, lambda: False)
+
+
+def test_a_pause_of_its_own_is_no_silence_of_the_world(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long the process is stopped while it listens, that is one look that brought nothing."""
+    clock = [0.0]
+
+    class Stopped(Script):
+        def receive(self, timeout_s: float) -> bytes | None:
+            clock[0] += 3600.0
+            return super().receive(timeout_s) if self.heard.count(self.heard[0]) > 5 else None
+
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    assert fly(Stopped(Bye()), ME, lambda: False, silence_s=2.0) == "the flight is over"
 
 
 def test_a_drone_tells_of_itself_now_and_then() -> None:
     one = drone()
-    told = [
-        messages.unpack(one.answer(tick, sensed(), *from_others([])))[1][5] is not None for tick in range(101)
-    ]
-    assert [tick for tick, status in enumerate(told) if status] == [0, 50, 100]
-    assert process._STATUS_EVERY == 50
+    told = [tick for tick in range(101) if one.answer(ticked(tick, [])).status]
+    assert told == [0, 50, 100]
 
 
 def test_after_the_rehearsal_a_drone_that_swaps_compiles_nothing() -> None:
@@ -306,5 +352,5 @@ def test_after_the_rehearsal_a_drone_that_swaps_compiles_nothing() -> None:
     assert all(ready.values())
     one = drone()
     for tick in range(NOW, NOW + 3):
-        one.answer(tick, sensed(), *from_others(GOOD if tick == NOW else []))
+        one.answer(ticked(tick, GOOD if tick == NOW else []))
     assert ready == {name: len(getattr(cycle, name).signatures) for name in ready}

@@ -7,18 +7,60 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.wire import messages
-from protocols.wire.messages import MessageError
+from protocols.wire import messages, pieces
+from protocols.wire.frames import MAX_FRAME_BYTES
+from protocols.wire.messages import (
+    Bye,
+    Farewell,
+    Hello,
+    MessageError,
+    Ready,
+    Refused,
+    Reply,
+    Tick,
+    Wait,
+    Welcome,
+)
 from protocols.wire.sensed import MAX_NEAR, SensedPacker, SensedReader, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus, parse_status
 
 STATUS = AgentStatus(3, 4, (0,) * 7, (0,) * len(SWAP_COUNTS), 99, bytes(range(6)))
 
 
-def test_a_message_is_read_as_it_was_written() -> None:
-    kind, fields = messages.unpack(messages.pack(messages.REPLY, 7, 0.5, -0.5, 3, b"frame", None))
-    assert (kind, list(fields)) == (messages.REPLY, [7, 0.5, -0.5, 3, b"frame", None])
-    assert messages.unpack(messages.pack(messages.BYE)) == (messages.BYE, [])
+FROM_DRONE = [
+    Hello(messages.VERSION, 7),
+    Ready(messages.MAX_PROCESS),
+    Reply(7, 3, 0.5, -0.5, 5, b"frame", None),
+    Reply(7, 0, 0.0, 0.0, 0, None, STATUS),
+    Farewell(7, STATUS),
+]
+FROM_WORLD = [
+    Welcome(7, {"agents": 6}, bytes(6), 1),
+    Tick(3, (b"a", b"b", b""), b"\x01", [b"frame"]),
+    Wait(),
+    Bye(),
+    Refused(7, "no"),
+]
+
+
+@pytest.mark.parametrize("message", FROM_DRONE)
+def test_what_a_drone_says_is_read_as_it_was_written(message: messages.FromDrone) -> None:
+    assert messages.unpack_from_drone(messages.pack(message), 6) == message
+    with pytest.raises(MessageError):
+        messages.unpack_from_world(messages.pack(message))
+
+
+@pytest.mark.parametrize("message", FROM_WORLD)
+def test_what_the_world_says_is_read_as_it_was_written(message: messages.FromWorld) -> None:
+    read = messages.unpack_from_world(messages.pack(message))
+    assert type(read) is type(message)
+    assert messages.pack(read) == messages.pack(message)
+    with pytest.raises(MessageError):
+        messages.unpack_from_drone(messages.pack(message), 6)
+
+
+def deep(levels: int) -> bytes:
+    return b"\x91" * levels + b"\x01"
 
 
 @pytest.mark.parametrize(
@@ -30,21 +72,59 @@ def test_a_message_is_read_as_it_was_written() -> None:
         msgpack.packb(5),
         msgpack.packb([]),
         msgpack.packb([99]),
+        msgpack.packb([True]),
         msgpack.packb(["hi"]),
+        deep(400),
+        deep(1000),
+        deep(60_000),
+        bytes(70_000),
+        messages.pack(Hello(messages.VERSION, 2**32)),
+        messages.pack(Reply(7, 3, 1, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 1e9, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 0.0, 0.0, 6, None, None)),
+        messages.pack(Reply(7, -1, 0.0, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 0.0, 0.0, 5, "text", None)),  # type: ignore[arg-type]
+        messages.pack(Farewell(7, STATUS._replace(view=b"short"))),
     ],
 )
 def test_what_is_no_message_is_refused(data: bytes) -> None:
     with pytest.raises(MessageError):
-        messages.unpack(data)
+        messages.unpack_from_drone(data, 6)
+    if len(data) < 12:
+        with pytest.raises(MessageError):
+            messages.unpack_from_world(data)
 
 
 @given(data=st.binary(max_size=200))
 def test_random_bytes_are_a_message_or_refused(data: bytes) -> None:
-    try:
-        kind, _ = messages.unpack(data)
-    except MessageError:
-        return
-    assert messages.HELLO <= kind <= messages.BYE
+    for unpack in (lambda data: messages.unpack_from_drone(data, 6), messages.unpack_from_world):
+        try:
+            unpack(data)
+        except MessageError:
+            continue
+
+
+def test_a_frame_that_is_too_long_is_cut_and_still_too_long() -> None:
+    said = messages.unpack_from_drone(messages.pack(Reply(7, 3, 0.0, 0.0, 5, bytes(9000), None)), 6)
+    assert isinstance(said, Reply)
+    assert said.frame is not None
+    assert len(said.frame) == MAX_FRAME_BYTES + 1
+
+
+@pytest.mark.parametrize("length", [0, 1, 59_999, 60_000, 60_001, 119_998, 119_999, 500_000])
+@pytest.mark.parametrize("begins", [b"\x00", b"\x01", b"\x95"])
+def test_a_message_of_any_length_is_cut_and_joined_again(length: int, begins: bytes) -> None:
+    message, joiner = (begins * length)[:length], pieces.Joiner()
+    cut = list(pieces.cut(message))
+    assert max(map(len, cut)) <= pieces.LONGEST
+    assert [whole for piece in cut if (whole := joiner.join(piece)) is not None] == [message]
+
+
+def test_what_a_drone_senses_and_hears_of_a_hundred_drones_travels_in_pieces() -> None:
+    crowd = Tick(0, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96)
+    cut = list(pieces.cut(messages.pack(crowd)))
+    assert len(cut) == 3
+    assert all(len(piece) < 65_535 for piece in cut)
 
 
 def test_a_world_tells_its_drones_that_it_lives_before_they_give_up() -> None:

@@ -11,7 +11,7 @@ from rsc_swarm.flight.in_process import fly
 from rsc_swarm.show.render import plain, render
 from rsc_swarm.show.report import FlightReport, describe, describe_failure, report_of
 from rsc_swarm.show.report_schema import json_schema, markdown
-from world.core import Outcome
+from world.outcome import Outcome
 
 SMALL = Mission(agents=4, map_seed=2)
 

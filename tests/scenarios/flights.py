@@ -22,6 +22,7 @@ _FLY = """
 import dataclasses, json, sys
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.launch import launch
+from rsc_swarm.show.report import report_of
 
 clock, tasks = json.loads(sys.argv[1])
 for fields in tasks:
@@ -35,6 +36,7 @@ for fields in tasks:
         "breach": flown.watched.breach,
         "rejected": sum(sum(status.rejected) for status in flown.statuses.values()),
         "told": sorted(flown.statuses),
+        "report": report_of(flown, parse_mission(fields), "launch", clock, "").model_dump(mode="json"),
     }), flush=True)
 """
 
@@ -55,8 +57,17 @@ except RunBroken as error:
 except KeyboardInterrupt:
     sys.exit(130)
 outcome = flown.outcome
-print(json.dumps({"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure}))
+print(json.dumps({"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure, "digest": outcome.digest}))
+sys.exit(130 if outcome.failure == "interrupted" else 0)
 """
+
+
+WALL_CLOCK = ("mode", "clock", "wall_s", "real_time_factor", "first_tick_s", "pss_mb_per_agent", "again")
+
+
+def whole(report: Fields) -> Fields:
+    """All of a report that a flight decides, and not the machine it was flown on."""
+    return {name: value for name, value in report.items() if name not in WALL_CLOCK}
 
 
 def launched(*tasks: Fields, clock: str = "lockstep") -> list[Fields]:

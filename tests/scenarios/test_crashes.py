@@ -2,10 +2,13 @@
 
 import json
 import os
+import re
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.scenarios.flights import Fields, Launcher
@@ -32,22 +35,24 @@ def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Field
         launcher.clean_up()
 
 
-def test_a_drone_that_is_killed_is_named_and_the_others_fly_on_to_the_end(
-    launch: Callable[[Fields], Launcher],
-) -> None:
-    flight = launch({**ENDLESS, "time_limit_s": 30})
+def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch(ENDLESS)
+    pid = flight.children["agent-4"].pid
     flight.hit("agent-4")
-    code, said = flight.end()
-    assert code == 0
-    assert json.loads(said[-1]) == {"lost": [4], "ticks": 3000, "failure": "late"}
+    code, said = flight.end(within_s=20)
+    assert code == 3
+    assert re.fullmatch(
+        rf"broken: agent 4 was lost at t = [\d.]+ s: its process \({pid}\) was ended by SIGKILL", said[-1]
+    )
     assert flight.is_gone_within(NOTHING_LEFT_S)
+    assert (flight.here / "run" / "trajectory.npz").is_file()
 
 
-def test_two_drones_that_are_killed_are_both_named(launch: Callable[[Fields], Launcher]) -> None:
-    flight = launch({**ENDLESS, "time_limit_s": 30})
-    flight.hit("agent-0")
-    flight.hit("agent-5")
-    assert json.loads(flight.end()[1][-1])["lost"] == [0, 5]
+def test_a_drone_that_somebody_asks_to_leave_breaks_the_run_too(launch: Callable[[Fields], Launcher]) -> None:
+    flight = launch(ENDLESS)
+    flight.hit("agent-0", signal.SIGTERM)
+    code, said = flight.end(within_s=20)
+    assert (code, "agent 0 was lost" in said[-1], "ended with exit code 0" in said[-1]) == (3, True, True)
 
 
 def test_a_world_that_is_killed_breaks_the_run_in_one_line(launch: Callable[[Fields], Launcher]) -> None:
@@ -60,14 +65,14 @@ def test_a_world_that_is_killed_breaks_the_run_in_one_line(launch: Callable[[Fie
     assert flight.is_gone_within(NOTHING_LEFT_S)
 
 
-def test_when_all_drones_are_killed_the_flight_ends(launch: Callable[[Fields], Launcher]) -> None:
+def test_when_all_drones_are_killed_nobody_calls_it_a_failure_of_the_controller(
+    launch: Callable[[Fields], Launcher],
+) -> None:
     flight = launch(ENDLESS)
     for agent in range(6):
         flight.hit(f"agent-{agent}")
     code, said = flight.end(within_s=20)
-    assert code == 0
-    outcome = json.loads(said[-1])
-    assert (outcome["failure"], outcome["lost"]) == ("all-lost", list(range(6)))
+    assert (code, "was ended by SIGKILL" in said[-1]) == (3, True)
 
 
 def test_a_launcher_that_is_killed_leaves_nothing_behind(launch: Callable[[Fields], Launcher]) -> None:
@@ -87,8 +92,24 @@ def test_a_launcher_stopped_with_its_drones_frozen_leaves_nothing_behind(
 def test_ctrl_c_ends_all_and_leaves_nothing(launch: Callable[[Fields], Launcher]) -> None:
     flight = launch(ENDLESS)
     os.killpg(flight.process.pid, signal.SIGINT)  # a terminal sends it to every process of the launch
-    assert flight.end(within_s=10)[0] == 130
+    code, said = flight.end(within_s=20)
+    assert (code, json.loads(said[-1])["failure"]) == (130, "interrupted")
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
+    assert (flight.here / "run" / "trajectory.npz").is_file()
+
+
+@pytest.mark.parametrize("apart_s", [0.0, 0.05, 0.3])
+def test_ctrl_c_twice_loses_nothing_of_what_was_flown(
+    launch: Callable[[Fields], Launcher], apart_s: float
+) -> None:
+    flight = launch(ENDLESS)
+    os.killpg(flight.process.pid, signal.SIGINT)
+    time.sleep(apart_s)
+    os.killpg(flight.process.pid, signal.SIGINT)
+    code, said = flight.end(within_s=20)
+    assert (code, json.loads(said[-1])["lost"]) == (130, [])
+    with np.load(flight.here / "run" / "trajectory.npz") as saved:
+        assert len(saved["positions"]) == json.loads(said[-1])["ticks"] + 1
 
 
 def test_a_launcher_that_is_terminated_leaves_nothing(launch: Callable[[Fields], Launcher]) -> None:

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios.flights import Fields, launched
-from tests.scenarios.test_twins import simulated
+from tests.scenarios.flights import Fields, launched, whole
+from tests.scenarios.test_twins import reported, simulated
 
 TASK: Fields = {
     "agents": 6,
@@ -42,6 +42,7 @@ def test_every_fault_flies_in_processes_as_it_does_in_one() -> None:
     for name, task in zip(FAULTS, tasks, strict=True):
         outcome = flights[name]["outcome"]
         assert outcome == simulated(task), name
+        assert whole(flights[name]["report"]) == reported(task), name
         assert outcome["digest"] != undisturbed, name
         assert flights[name]["breach"] is None, name
         assert outcome["ticks"] == 400, name
@@ -64,3 +65,4 @@ def test_faults_in_a_scrambled_swarm_fly_in_processes_as_in_one(scrambled: bool)
     task = {**TASK, "start": {"scrambled": scrambled}, "faults": faults, "radio": {"loss": 0.2}}
     (flight,) = launched(task)
     assert flight["outcome"] == simulated(task)
+    assert whole(flight["report"]) == reported(task)

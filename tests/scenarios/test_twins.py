@@ -7,10 +7,12 @@ from typing import Any
 import pytest
 
 from protocols.mission.document import parse_mission
+from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.simulate import simulate
+from rsc_swarm.show.report import report_of
 from tests import loopback
 from tests.models import random_model
-from tests.scenarios.flights import Fields, launched
+from tests.scenarios.flights import Fields, launched, whole
 
 TWENTY_FIVE: Fields = {"agents": 25, "time_limit_s": 2.0, "start": {"scrambled": True}}
 SIX: Fields = {"agents": 6, "time_limit_s": 4.0, "start": {"scrambled": True}, "seed": 6}
@@ -40,6 +42,12 @@ def simulated(fields: Fields) -> Fields:
     return outcome
 
 
+def reported(fields: Fields) -> Fields:
+    """The whole report of the same flight in this process."""
+    mission = parse_mission(fields)
+    return whole(report_of(fly(mission), mission, "simulate", "lockstep", "").model_dump(mode="json"))
+
+
 def with_radios(task: Fields) -> list[Fields]:
     return [{**task, "radio": radio} for radio in RADIOS.values()]
 
@@ -52,6 +60,7 @@ def test_launch_and_simulate_fly_the_same_flight_over_every_radio(task: Fields) 
     assert len(set(digests)) == len(tasks), "every radio makes a flight of its own"
     for name, fields, flight in zip(RADIOS, tasks, flights, strict=True):
         assert flight["outcome"] == simulated(fields), name
+        assert whole(flight["report"]) == reported(fields), name
         assert flight["breach"] is None
         assert flight["rejected"] == 0
     assert all(flight["outcome"]["ticks"] == round(100 * task["time_limit_s"]) for flight in flights)
@@ -62,6 +71,7 @@ def test_twins_agree_to_the_very_end_of_a_whole_flight() -> None:
     (flight,) = launched(task)
     assert flight["outcome"]["success"]
     assert flight["outcome"] == simulated(task)
+    assert whole(flight["report"]) == reported(task)
 
 
 @pytest.mark.parametrize(

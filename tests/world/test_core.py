@@ -7,7 +7,7 @@ import pytest
 
 from protocols.mission.document import Mission, parse_mission
 from rsc_swarm.flight.simulate import Simulation, simulate
-from world.core import WorldCore
+from world.core import Answers, WorldCore
 
 
 def mission(**fields: Any) -> Mission:
@@ -28,9 +28,8 @@ def drift(core: WorldCore, ticks: int, command: float = 0.0) -> list[tuple[int, 
     for _ in range(ticks):
         now = int(core.tick[0])
         happened += [(now, event.fault.kind, event.agents) for event in core.begin_tick()]
-        core.sense()
-        core.deliver()
-        core.advance(np.full((6, 2), command), np.full(6, 100), np.arange(6))
+        core.perceive()
+        core.advance(Answers(np.full((6, 2), command), np.full(6, 100), np.arange(6)))
     return happened
 
 
@@ -99,8 +98,7 @@ def test_a_part_keeps_groups_from_each_other_until_it_heals() -> None:
 
 
 def test_a_drone_that_was_lost_is_named_in_the_outcome() -> None:
-    core = world()
-    core.lose(0, [1, 5])
+    core = world(at(0, "kill", agents=[1, 5]))
     drift(core, 100)
     outcome = core.outcomes[0]
     assert outcome is not None
@@ -110,7 +108,9 @@ def test_a_drone_that_was_lost_is_named_in_the_outcome() -> None:
 def test_a_flight_ended_from_outside_says_why() -> None:
     core = world()
     drift(core, 5)
-    outcome = core.end(0, "interrupted")
+    core.end(0, "interrupted")
+    outcome = core.outcomes[0]
+    assert outcome is not None
     assert (outcome.success, outcome.failure, outcome.ticks, core.active[0]) == (
         False,
         "interrupted",

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from protocols.mission.document import parse_mission
-from world.core import Outcome, WorldCore
+from world.core import WorldCore
+from world.outcome import Outcome
 
 # Five slots abreast: 0 1 2 3 4 from right to left, 2 the root, 0 and 4 the leaves.
 LINE = [[40.0, y] for y in (-10.0, -5.0, 0.0, 5.0, 10.0)]

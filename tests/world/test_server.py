@@ -1,5 +1,7 @@
 """The world as a server: whatever drones say or leave unsaid, it flies on, and nobody else is moved by it."""
 
+import functools
+import time
 from typing import Any
 
 import msgpack
@@ -9,13 +11,16 @@ import pytest
 from agent.process import Drone
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire import messages
-from protocols.wire.status import SWAP_COUNTS
+from protocols.wire.messages import Hello, Ready, Reply, Welcome
+from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from rsc_swarm.flight.simulate import simulate
 from tests.loopback import Loopback, fly
-from world.server import session as server
+from world.server import peer, running_time, session
+from world.server.ports import Lost
 from world.server.session import Clock, ServerError, WorldServer
 
-REPLY = messages.REPLY
+REPLY = messages._KINDS.index(Reply)
+HELLO, WELCOME = messages._KINDS.index(Hello), messages._KINDS.index(Welcome)
 NAN, INF = float("nan"), float("inf")
 
 
@@ -29,7 +34,9 @@ def mission(time_limit_s: float = 0.6, **fields: Any) -> Mission:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The world waits for a missing answer no longer than it must."""
     fly(mission(time_limit_s=0.02))  # loads the kernels, which takes longer
-    monkeypatch.setattr(server, "_ANSWER_S", 0.7)
+    monkeypatch.setattr(session, "PATIENCE_S", 0.7)
+    monkeypatch.setattr(session, "_LATE_S", 0.7)
+    monkeypatch.setattr(peer, "TAKEOVER_S", 0.1)
 
 
 def test_drones_that_exchange_bytes_fly_the_flight_of_drones_that_share_rows() -> None:
@@ -49,9 +56,24 @@ def test_the_figures_of_a_flight_are_told() -> None:
     assert flown.deadline_misses == 0
 
 
+def told(reply: bytes) -> Reply:
+    message = messages.unpack_from_drone(reply, 6)
+    assert isinstance(message, Reply)
+    return message
+
+
 def tampered(**parts: Any) -> list[Any]:
     """The fields of a good REPLY of the drone that lies, some of them replaced."""
-    good = {"kind": REPLY, "tick": 0, "ax": 0.0, "ay": 0.0, "slot": 5, "frame": b"x", "status": None}
+    good = {
+        "kind": REPLY,
+        "process": 105,
+        "tick": 0,
+        "ax": 0.0,
+        "ay": 0.0,
+        "slot": 5,
+        "frame": b"x",
+        "status": None,
+    }
     return list({**good, **parts}.values())
 
 
@@ -75,11 +97,16 @@ GARBAGE = {
     "frame-of-numbers": tampered(frame=[1, 2, 3]),
     "status-of-text": tampered(status="fine"),
     "status-of-another-version": tampered(status=[0, 0, [0], [0], 0, bytes(6)]),
-    "short-reply": [REPLY, 0, 0.0],
+    "short-reply": [REPLY, 105, 0, 0.0],
     "long-reply": [*tampered(), 1, 2, 3],
-    "hello-of-another-version": [messages.HELLO, 99, ""],
-    "empty-hello": [messages.HELLO],
-    "welcome": [messages.WELCOME, {}, b"", 0],
+    "number-where-a-real-one-is-due": tampered(ax=1),
+    "another-process": tampered(process=7),
+    "hello-of-another-version": [HELLO, 99, 105],
+    "hello-of-another-kind": [HELLO, "", ""],
+    "empty-hello": [HELLO],
+    "welcome": [WELCOME, 105, {}, b"", 0],
+    "deep": functools.reduce(lambda inner, _: [inner], range(400), 0),
+    "refused": [8, 105, ""],
     "unknown-kind": [77],
     "no-list": "hello",
     "map": {1: 2},
@@ -89,10 +116,10 @@ GARBAGE = {
 @pytest.mark.parametrize("rubbish", GARBAGE.values(), ids=GARBAGE.keys())
 def test_rubbish_beside_its_answers_changes_nothing(rubbish: Any) -> None:
     data = msgpack.packb(rubbish)
-    if isinstance(rubbish, list) and rubbish[:2] == [REPLY, 0]:
+    if isinstance(rubbish, list) and rubbish[:3] == [REPLY, 105, 0]:
 
         def now(tick: int) -> bytes:
-            return msgpack.packb([REPLY, tick, *rubbish[2:]])
+            return msgpack.packb([REPLY, 105, tick, *rubbish[3:]])
     else:
 
         def now(tick: int) -> bytes:
@@ -108,13 +135,11 @@ def test_rubbish_beside_its_answers_changes_nothing(rubbish: Any) -> None:
 @pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("data", [b"", b"\xc1", b"\x97", bytes(3000), msgpack.packb(GARBAGE["text-command"])])
 def test_a_drone_that_answers_rubbish_is_as_lost_as_one_that_is_silent(data: bytes) -> None:
-    silent = fly(mission(), lambda agent, tick, reply: [] if agent == 5 and tick >= 30 else [reply]).outcome
-    assert silent.lost_agents == (5,)
-    assert silent.ticks == 60
-    babbling = fly(
-        mission(), lambda agent, tick, reply: [data] if agent == 5 and tick >= 30 else [reply]
-    ).outcome
-    assert babbling == silent
+    for said in ([], [data]):
+        with pytest.raises(
+            ServerError, match=r"^agent 5 was lost at t = 0.30 s: it has not answered for 0.7 s$"
+        ):
+            fly(mission(), lambda agent, tick, reply: said if agent == 5 and tick >= 30 else [reply])  # noqa: B023
 
 
 @pytest.mark.usefixtures("impatient")
@@ -124,7 +149,8 @@ def test_a_drone_that_speaks_for_all_ticks_to_come_must_still_answer_each() -> N
             return [reply]
         return [msgpack.packb(tampered(tick=tick + 1000))] if tick == 30 else []
 
-    assert fly(mission(), leap).outcome.lost_agents == (5,)
+    with pytest.raises(ServerError, match="agent 5 was lost"):
+        fly(mission(), leap)
 
 
 def test_a_second_answer_to_the_same_tick_is_not_heard() -> None:
@@ -136,8 +162,7 @@ def test_a_second_answer_to_the_same_tick_is_not_heard() -> None:
 
 def test_frames_that_are_no_frames_are_relayed_counted_and_dropped() -> None:
     def spoil(agent: int, tick: int, reply: bytes) -> list[bytes]:
-        kind, fields = messages.unpack(reply)
-        return [messages.pack(kind, *fields[:4], b"\xc1 no frame", fields[5])] if agent == 1 else [reply]
+        return [messages.pack(told(reply)._replace(frame=b"\xc1 no frame"))] if agent == 1 else [reply]
 
     flown = fly(mission(), spoil)
     assert flown.outcome.failure == "late"
@@ -149,36 +174,140 @@ def test_frames_that_are_no_frames_are_relayed_counted_and_dropped() -> None:
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_drone_that_never_answers_is_lost_after_a_while_and_named() -> None:
+def test_a_drone_that_never_answers_breaks_the_run_by_name() -> None:
     swarm = Loopback(mission(), lambda agent, tick, reply: [] if agent == 2 else [reply])
-    flown = WorldServer(mission(), swarm, "lockstep", swarm).run()
-    assert flown.outcome.lost_agents == (2,)
-    assert flown.outcome.ticks == 60
-    assert swarm.pictures[-1].agents[2].state == "lost"
+    with pytest.raises(ServerError, match=r"^agent 2 was lost at t = 0.00 s: it has not answered for 0.7 s$"):
+        WorldServer(mission(), swarm, "lockstep", swarm).run()
     assert swarm.waits > 0, "the others are told meanwhile that the world lives"
 
 
-def test_a_drone_whose_process_ends_is_lost_at_once() -> None:
+def test_drones_whose_processes_end_break_the_run_by_name_and_cause() -> None:
     def end(agent: int, tick: int, reply: bytes) -> list[bytes]:
         if agent == 3 and tick == 10:
-            swarm.gone.append(3)
+            swarm.gone += [Lost(3, "its process ended"), Lost(5, "shot")]
             return []
         return [reply]
 
     swarm = Loopback(mission(), end)
-    assert WorldServer(mission(), swarm, "lockstep", swarm).run().outcome.lost_agents == (3,)
+    with pytest.raises(ServerError) as broken:
+        WorldServer(mission(), swarm, "lockstep", swarm).run()
+    assert str(broken.value) == (
+        "agent 3 was lost at t = 0.10 s: its process ended; agent 5 was lost at t = 0.10 s: shot"
+    )
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_flight_whose_drones_are_all_lost_is_over() -> None:
-    outcome = fly(mission(), lambda agent, tick, reply: [] if tick >= 5 else [reply]).outcome
-    assert (outcome.failure, outcome.lost_agents) == ("all-lost", tuple(range(6)))
-    assert outcome.ticks == 6
+@pytest.mark.parametrize("clock", ["lockstep", "realtime"])
+def test_a_drone_whose_process_is_stopped_is_waited_for(clock: Clock) -> None:
+    task = mission(time_limit_s=1.5)
+    held: list[bytes] = []
+
+    def stop(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if agent == 2 and tick == 10:
+            swarm.stopped.add(2)
+        if 2 in swarm.stopped:
+            held.append(reply)
+            return []
+        return [reply]
+
+    def go_on() -> bool:
+        if 2 in swarm.stopped and time.monotonic() > started + 2.0:
+            swarm.stopped.clear()
+            for reply in held:
+                swarm.say(2, reply)
+        return False
+
+    swarm = Loopback(task, lambda agent, tick, reply: stop(agent, tick, reply) if agent == 2 else [reply])
+    swarm.leaving = go_on  # type: ignore[method-assign]
+    started = time.monotonic()
+    flown = WorldServer(task, swarm, clock, swarm).run()
+    assert flown.outcome.lost_agents == ()
+    assert swarm.told[2] < 200
+    if clock == "lockstep":
+        assert flown.wall_s > 1.5
+        assert flown.outcome == simulate([task])[0]
+
+
+def test_a_pause_of_the_world_is_nobodys_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped for an hour between two looks, it waits as if nothing had happened."""
+    task, clock = mission(), [0.0]
+
+    def lag(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if agent == 4 and tick in (5, 25):
+            clock[0] += 3600.0
+        return [reply]
+
+    monkeypatch.setattr(running_time.time, "monotonic", lambda: clock[0] + time.perf_counter())
+    assert fly(task, lag).outcome == simulate([task])[0]
+
+
+def test_running_time_stands_still_while_its_process_does() -> None:
+    times = iter([0.0, 0.2, 0.4, 60.4, 60.5])
+    running = running_time.RunningTime(lambda: next(times))
+    assert [round(running.now(), 6) for _ in range(4)] == [0.2, 0.4, 0.9, 1.0]
+
+
+def test_a_drone_that_does_not_answer_is_not_flooded() -> None:
+    """Else its pipe would fill, and the world would wait for it in the middle of a tick."""
+    task = mission(time_limit_s=1.0)
+    asked: list[int] = []
+
+    def fall_silent(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if agent == 2:
+            asked.append(tick)
+            return [] if tick >= 10 else [reply]
+        return [reply]
+
+    swarm = Loopback(task, fall_silent)
+    WorldServer(task, swarm, "realtime", swarm).run()
+    assert asked == list(range(10 + peer.BACKLOG + 1))
+    assert swarm.told[2] < len(asked) + 10
+
+
+@pytest.mark.parametrize("size", [10, 30_000])
+def test_a_pipe_is_full_of_many_messages_or_of_long_ones(size: int) -> None:
+    one = peer.Peer()
+    one.process = 7
+    tick = 0
+    while not one.backlogged:
+        one.ask(tick, bytes(size), 0.2 * tick)
+        tick += 1
+    assert tick == (peer.BACKLOG + 1 if size == 10 else 4)
+    assert [one.wait(100.0 + at) for at in range(7)] == [True] * 5 + [False] * 2
+    one.heard()
+    assert one.wait(200.0)
+
+
+def test_a_second_process_with_the_login_of_a_drone_is_refused_and_nothing_else_changes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    task, refused = mission(), []
+
+    def second(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if agent != 3 or tick not in (0, 20, 40):
+            return [reply]
+        return [messages.pack(Hello(messages.VERSION, 9)), messages.pack(Ready(9)), reply]
+
+    swarm = Loopback(task, second)
+    say = swarm.send
+
+    def listen(agent: int, payload: bytes) -> None:
+        message = messages.unpack_from_world(payload)
+        if isinstance(message, messages.Refused):
+            refused.append((agent, message))
+        say(agent, payload)
+
+    swarm.send = listen  # type: ignore[method-assign]
+    outcome = WorldServer(task, swarm, "lockstep", swarm).run().outcome
+    assert outcome == simulate([task])[0]
+    assert {(agent, message.process) for agent, message in refused} == {(3, 9)}
+    assert refused[0][1].why.startswith("another process flies as agent 3 already")
+    assert capsys.readouterr().err == "world: a second process with the login of agent 3 was refused\n"
 
 
 def test_a_drone_of_another_version_is_refused_by_name_before_the_flight() -> None:
     swarm = Loopback(mission())
-    swarm.say(4, messages.pack(messages.HELLO, messages.VERSION + 1))
+    swarm.say(4, messages.pack(Hello(messages.VERSION + 1, 4)))
     swarm._said.rotate(1)
     told = f"^agent 4 speaks version {messages.VERSION + 1} of the messages, the world {messages.VERSION}$"
     with pytest.raises(ServerError, match=told):
@@ -194,8 +323,9 @@ def test_drones_that_do_not_come_are_named() -> None:
 
 def test_a_process_that_ends_before_the_flight_is_named() -> None:
     swarm = Loopback(mission())
-    swarm.gone = [3]
-    with pytest.raises(ServerError, match="the process of agent 3 ended before the flight began"):
+    swarm._alive.discard(3)
+    swarm.gone = [Lost(3, "shot")]
+    with pytest.raises(ServerError, match=r"^agent 3 was lost before the flight began: shot$"):
         WorldServer(mission(), swarm, "lockstep", swarm).run()
 
 
@@ -203,15 +333,14 @@ def test_a_flight_can_be_broken_off_and_nobody_is_lost_by_that() -> None:
     swarm = Loopback(mission(time_limit_s=21.0), lambda agent, tick, reply: [] if tick >= 20 else [reply])
     swarm.leave_at = 20
     outcome = WorldServer(mission(time_limit_s=21.0), swarm, "lockstep", swarm).run().outcome
-    assert (outcome.failure, outcome.ticks, outcome.lost_agents) == ("interrupted", 21, ())
+    assert (outcome.failure, outcome.ticks, outcome.lost_agents) == ("interrupted", 20, ())
 
 
 def test_a_drone_that_believes_the_impossible_ends_the_flight_by_name() -> None:
-    status = [2, 0, [0] * 7, [0] * len(SWAP_COUNTS), 9, bytes([0, 1, 2, 2, 4, 5])]
+    status = AgentStatus(2, 0, (0,) * 7, (0,) * len(SWAP_COUNTS), 9, bytes([0, 1, 2, 2, 4, 5]))
 
     def believe(agent: int, tick: int, reply: bytes) -> list[bytes]:
-        kind, fields = messages.unpack(reply)
-        return [messages.pack(kind, *fields[:5], status if (agent, tick) == (2, 25) else fields[5])]
+        return [messages.pack(told(reply)._replace(status=status))] if (agent, tick) == (2, 25) else [reply]
 
     flown = fly(mission(), believe)
     assert flown.outcome.failure == "broken-invariant"
@@ -231,11 +360,11 @@ def test_the_launcher_is_asked_to_do_what_the_mission_says() -> None:
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_restarted_drone_that_does_not_come_back_is_lost() -> None:
+def test_a_restarted_drone_that_does_not_come_back_breaks_the_run() -> None:
     swarm = Loopback(mission(faults=[{"at_s": 0.1, "kind": "restart", "agents": [1]}]))
     swarm.apply = lambda kind, agents: swarm._alive.discard(1)  # type: ignore[method-assign]
-    outcome = WorldServer(swarm.mission, swarm, "lockstep", swarm).run().outcome
-    assert (outcome.lost_agents, outcome.ticks) == ((1,), 60)
+    with pytest.raises(ServerError, match=r"agent 1 was lost at t = 0.10 s: it has not answered"):
+        WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
 
 
 def test_in_real_time_a_late_answer_is_counted_and_the_last_command_stands() -> None:
@@ -285,12 +414,13 @@ def test_in_real_time_a_silent_drone_coasts_and_is_lost_after_a_while() -> None:
         swarm,
         lambda core: commands.setdefault(int(core.tick[0]), core.command[0, 2].copy()),
     )
-    outcome = world.run().outcome
-    assert outcome.lost_agents == (2,)
+    with pytest.raises(ServerError, match=r"agent 2 was lost at t = 0.[78]\d s"):
+        world.run()
     assert commands[20].any()
     assert not commands[60].any()
 
 
+@pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("clock", ["lockstep", "realtime"])
 def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on(clock: Clock) -> None:
     task = mission()
@@ -299,15 +429,21 @@ def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on
     died: list[int] = []
 
     def die_once(agent: int, tick: int, reply: bytes) -> list[bytes]:
-        if (agent, tick) != (3, 20) or died:
-            return [reply]
-        died.append(tick)
-        return [messages.pack(messages.HELLO, messages.VERSION)]
+        if (agent, tick) == (3, 20) and not died:
+            died.append(tick)
+            swarm.process[3] = 7
+        return [] if agent == 3 and died and minds[0] is swarm.drones[3] else [reply]
 
+    def look() -> bool:
+        if died and minds[0] is swarm.drones[3]:
+            swarm.knock(3)
+        return False
+
+    swarm.leaving = look  # type: ignore[method-assign]
     swarm._meddle = die_once
     world = WorldServer(task, swarm, clock, swarm, lambda core: minds.append(swarm.drones[3]))
     outcome = world.run().outcome
     assert outcome.lost_agents == ()
     assert minds[0] is not minds[-1]
-    assert world._boots == [0, 0, 0, 1, 0, 0]
+    assert [peer.boot for peer in world.peers] == [0, 0, 0, 1, 0, 0]
     assert swarm.drones[3].tick == 59

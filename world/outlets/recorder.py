@@ -17,13 +17,13 @@ _FIRST_ROWS = 2200  # a flight of the standard task; longer ones double it
 
 
 class Recorder:
-    """Keeps positions and velocities (T, N, 2) [m, m/s], claimed slots (T, N) and who flies (T, N)."""
+    """Keeps positions and velocities (T, N, 2) [m, m/s], claimed slots (T, N) and who flies (T, N); ``rows`` is T so far."""
 
     def __init__(self, mission: Mission, world: int = 0) -> None:
         """For one world of a core that flies ``mission``; `record` before the first tick and after each."""
         agents = mission.agents
         self._world = world
-        self._rows = 0
+        self.rows = 0
         self._position = np.empty((_FIRST_ROWS, agents, 2))
         self._velocity = np.empty((_FIRST_ROWS, agents, 2))
         self._slot = np.empty((_FIRST_ROWS, agents), np.int16)
@@ -33,21 +33,21 @@ class Recorder:
 
     def record(self, core: WorldCore) -> None:
         """Keep the state as it is now."""
-        if self._rows == 0:
+        if self.rows == 0:
             self._obstacles = core.obstacles[self._world, : core.obstacle_count[self._world]].copy()
             self._goal_x = float(core.goal_x[self._world])
-        if self._rows == len(self._position):
+        if self.rows == len(self._position):
             self._position, self._velocity = _double(self._position), _double(self._velocity)
             self._slot, self._flying = _double(self._slot), _double(self._flying)
-        row, world = self._rows, self._world
+        row, world = self.rows, self._world
         self._position[row], self._velocity[row] = core.position[world], core.velocity[world]
         self._slot[row], self._flying[row] = core.claim[world], core.flying[world]
-        self._rows += 1
+        self.rows += 1
 
     @property
     def trajectory(self) -> Trajectory:
         """All rows kept so far."""
-        kept = slice(self._rows)
+        kept = slice(self.rows)
         return Trajectory(
             self._position[kept], self._velocity[kept], self._slot[kept], self._flying[kept], self._obstacles,
             self._goal_x, TICK_S,

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Self
 
 import zenoh
 
-from protocols.wire import keys
+from protocols.wire import keys, pieces
 from protocols.wire.keys import LinkError, Login
 
 
@@ -111,6 +111,7 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         "timestamping/enabled": False,
         "transport/unicast/qos/enabled": False,
         "transport/unicast/lowlatency": True,
+        "transport/link/tx/lease": keys.LEASE_MS,
         "transport/shared_memory/enabled": False,  # no gain at these sizes
         "transport/unicast/accept_pending": 2 * keys.MAX_AGENTS,  # a whole swarm may knock at once
         "transport/unicast/max_sessions": 4 * keys.MAX_AGENTS,
@@ -164,7 +165,8 @@ class WorldLink:
 
     def send(self, agent: int, payload: bytes) -> None:
         """Send to one agent. An agent that is not connected does not get it, now or later."""
-        self._publishers[agent].put(payload)
+        for piece in pieces.cut(payload):
+            self._publishers[agent].put(piece)
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         """The next message and the agent that sent it; None if none comes in ``timeout_s`` (0: no wait)."""

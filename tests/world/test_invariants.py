@@ -1,10 +1,10 @@
-"""The watch: what it takes for a breach, and what it measures."""
+"""The invariants: what it takes for a breach, and what it measures."""
 
 import numpy as np
 import pytest
 
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
-from world.invariants import Watch
+from world.invariants import Invariants
 
 FIRST, SWAPPED = bytes([0, 1, 2]), bytes([1, 0, 2])
 ALL = [0, 1, 2]
@@ -14,8 +14,8 @@ def account(view: bytes, digest: int, **counts: int) -> AgentStatus:
     return AgentStatus(view[0], 2, (0,) * 7, tuple(counts.get(name, 0) for name in SWAP_COUNTS), digest, view)
 
 
-def watch_of(*views: tuple[bytes, int]) -> Watch:
-    watch = Watch(3, cooldown_s=1.0)
+def watch_of(*views: tuple[bytes, int]) -> Invariants:
+    watch = Invariants(3, cooldown_s=1.0)
     for agent, (view, digest) in enumerate(views):
         watch.see(0, agent, account(view, digest))
     return watch
@@ -116,7 +116,7 @@ def test_a_flight_that_ends_in_disagreement_says_so() -> None:
 
 
 def test_swaps_turned_off_by_a_merge_are_added_up() -> None:
-    watch = Watch(3, cooldown_s=1.0)
+    watch = Invariants(3, cooldown_s=1.0)
     watch.see(0, 0, account(FIRST, 7, undone=2))
     watch.see(0, 1, account(FIRST, 7, undone=1))
     watch.see(5, 1, account(FIRST, 7, undone=3))

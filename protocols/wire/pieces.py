@@ -1,0 +1,40 @@
+"""Long messages travel in pieces: Zenoh's low-latency transport carries at most 65,535 bytes and loses what is longer.
+
+What is short and does not begin like a piece travels as it is. Pieces arrive in the order in which they were sent.
+"""
+
+from collections.abc import Iterator
+
+LONGEST = 60_000  # bytes of one piece, its mark included; leaves room for Zenoh's own
+_MORE, _LAST = b"\x01", b"\x00"
+
+
+def cut(message: bytes) -> Iterator[bytes]:
+    """What travels of ``message``, in order."""
+    if len(message) <= LONGEST and message[:1] not in (_MORE, _LAST):
+        yield message
+        return
+    step = LONGEST - 1
+    for start in range(0, len(message), step):
+        piece = message[start : start + step]
+        yield (_MORE if start + step < len(message) else _LAST) + piece
+
+
+class Joiner:
+    """The other end: pieces in, messages out."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def join(self, piece: bytes) -> bytes | None:
+        """The message that ``piece`` completes; None while more is to come."""
+        mark = piece[:1]
+        if mark not in (_MORE, _LAST):
+            self._parts.clear()
+            return piece
+        self._parts.append(piece[1:])
+        if mark == _MORE:
+            return None
+        message = b"".join(self._parts)
+        self._parts.clear()
+        return message

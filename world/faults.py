@@ -1,0 +1,91 @@
+"""What a mission says goes wrong: which faults are due, and what they do to the drones of a world."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.mission.document import Fault, Mission
+
+EVERYONE = 0  # radio group while the swarm is not parted
+
+
+class Condition(NamedTuple):
+    """How the drones of E worlds are, (E, N) each.
+
+    flying: in the air. responsive: senses, hears and answers. ability: share of its acceleration that a drone has.
+    group: only drones of the same radio group hear each other.
+    """
+
+    flying: NDArray[np.bool_]
+    responsive: NDArray[np.bool_]
+    ability: NDArray[np.float64]
+    group: NDArray[np.int16]
+
+
+def sound(worlds: int, agents: int) -> Condition:
+    """All drones as they start."""
+    shape = (worlds, agents)
+    return Condition(
+        np.ones(shape, np.bool_), np.ones(shape, np.bool_), np.ones(shape), np.full(shape, EVERYONE, np.int16)
+    )
+
+
+@dataclass(frozen=True)
+class Event:
+    """A fault that happens now, with the agents it names."""
+
+    world: int
+    fault: Fault
+    agents: tuple[int, ...]
+
+
+def due(
+    missions: Sequence[Mission],
+    initial_slots: NDArray[np.int16],
+    active: NDArray[np.bool_],
+    tick: NDArray[np.int64],
+) -> list[Event]:
+    """The faults of this tick; one of a slot strikes whoever held it at the start (``initial_slots``: (E, N))."""
+    events = []
+    for world in np.flatnonzero(active).tolist():
+        for fault in missions[world].faults:
+            if fault.at_tick == tick[world]:
+                by_slot = (int(np.flatnonzero(initial_slots[world] == slot)[0]) for slot in fault.slots)
+                events.append(Event(world, fault, (*fault.agents, *by_slot)))
+    return events
+
+
+def strike(
+    event: Event,
+    condition: Condition,
+    velocity: NDArray[np.float64],
+    command: NDArray[np.float64],
+) -> None:
+    """Do to the drones what the fault says; ``velocity`` and ``command``: (E, N, 2)."""
+    world, agents, kind = event.world, list(event.agents), event.fault.kind
+    flying, responsive = condition.flying, condition.responsive
+    if kind == "kill":
+        flying[world, agents] = False
+        responsive[world, agents] = False
+    elif kind == "freeze":
+        responsive[world, agents] = False
+        command[world, agents] = 0.0
+    elif kind == "thaw":
+        responsive[world, agents] = flying[world, agents]  # no thaw revives the dead
+    elif kind == "restart":
+        responsive[world, agents] = True
+        velocity[world, agents] *= flying[world, agents, None]  # the dead rise at rest
+        flying[world, agents] = True
+    elif kind == "slow":
+        condition.ability[world, agents] = event.fault.factor
+    elif kind == "recover":
+        condition.ability[world, agents] = 1.0
+    elif kind == "heal":
+        condition.group[world] = EVERYONE
+    elif kind == "part":
+        condition.group[world] = EVERYONE
+        for number, group in enumerate(event.fault.groups, start=1):
+            condition.group[world, list(group)] = number

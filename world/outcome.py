@@ -1,0 +1,138 @@
+"""What came of a flight: the referee's verdicts of all ticks, summed up, and a digest of every tick's state."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission
+from protocols.wire.status import AgentStatus
+from world import referee
+from world.invariants import Watched
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one flight ended. Distances in metres, times in seconds, errors relative to the edge length.
+
+    formed_s: when the formation first stood, wherever that was; tau_s: when it stood beyond the goal line.
+    """
+
+    success: bool
+    failure: str | None
+    ticks: int
+    tau_s: float | None
+    formed_s: float | None
+    max_edge_error: float
+    max_slot_error_m: float
+    min_distance_m: float
+    closest: str
+    held_after_success: bool | None
+    overlap_s: float
+    lost_agents: tuple[int, ...]
+    digest: str
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A flight and its figures. tally: per world.medium.medium.TALLY. statuses: each drone's last account."""
+
+    outcome: Outcome
+    tally: dict[str, int]
+    statuses: dict[int, AgentStatus]
+    watched: Watched
+    wall_s: float
+    real_time_factor: float
+    deadline_misses: int
+    median_frame_bytes: float
+    message_bytes: tuple[float, float]  # mean size of a drone's REPLY and of the world's TICK
+    first_tick_at: float  # time.time()
+
+
+class Judgement:
+    """Sums up the flight of one world, tick by tick."""
+
+    def __init__(self, mission: Mission) -> None:
+        self._last_tick, self._hold_s, self._hold_ticks = (
+            mission.ticks,
+            mission.hold_s,
+            round(mission.hold_s / TICK_S),
+        )
+        self._closest = np.inf
+        self._closest_text = "nobody came near anybody"
+        self._overlap_ticks = 0.0
+        self._formed_tick = self._tau_tick = -1
+        self._verdict = self._at_tau = np.zeros(referee.VERDICT_SIZE)
+        self._held = True
+        self._hash = hashlib.blake2b(digest_size=16)
+
+    def digest(self, *state: NDArray[Any]) -> None:
+        """Take what is so after this tick into the digest."""
+        for array in state:
+            self._hash.update(array.data)
+
+    def settle(
+        self, tick: int, verdict: NDArray[np.float64], numbers: list[float], position: NDArray[np.float64]
+    ) -> str | None:
+        """What the referee's ``verdict`` on this tick (``numbers``: the same as a list) means for the flight.
+
+        Args:
+            position: (N, 2) where the drones are.
+
+        Returns:
+            None while it goes on, else why it ends; "" if it ends in success.
+        """
+        self._verdict = verdict
+        self._overlap_ticks += numbers[referee.SHARED_SLOTS]
+        closest = min(numbers[referee.CLOSEST_AGENTS], numbers[referee.CLOSEST_OBSTACLE])
+        if closest < self._closest:
+            self._closest = closest
+            self._closest_text = _describe_closest(tick, numbers, position)
+        if self._formed_tick < 0 and numbers[referee.STANDING] > 0:
+            self._formed_tick = tick
+        formed = numbers[referee.FORMED] > 0
+        if self._tau_tick >= 0:
+            self._held &= formed
+        elif formed:
+            self._tau_tick = tick
+            self._at_tau = verdict.copy()
+        if numbers[referee.COLLIDED] > 0:
+            return "collision"
+        if self._tau_tick < 0:
+            return "late" if tick >= self._last_tick else None
+        return "" if self._tau_tick <= tick - self._hold_ticks else None
+
+    def outcome(self, tick: int, failure: str, flying: NDArray[np.bool_]) -> Outcome:
+        """How the flight ended; ``failure`` as `settle` gives it, ``flying``: (N,)."""
+        tau, formed = self._tau_tick, self._formed_tick
+        verdict = self._at_tau if tau >= 0 else self._verdict
+        return Outcome(
+            success=not failure,
+            failure=failure or None,
+            ticks=tick,
+            tau_s=round(tau * TICK_S, 2) if tau >= 0 else None,
+            formed_s=round(formed * TICK_S, 2) if formed >= 0 else None,
+            max_edge_error=float(verdict[referee.EDGE_ERROR]),
+            max_slot_error_m=float(verdict[referee.SLOT_ERROR]),
+            min_distance_m=float(self._closest),
+            closest=self._closest_text,
+            held_after_success=self._held if not failure and self._hold_s > 0 else None,
+            overlap_s=float(self._overlap_ticks) * TICK_S,
+            lost_agents=tuple(int(agent) for agent in np.flatnonzero(~flying)),
+            digest=self._hash.hexdigest(),
+        )
+
+
+def _describe_closest(tick: int, numbers: list[float], position: NDArray[np.float64]) -> str:
+    if numbers[referee.CLOSEST_AGENTS] <= numbers[referee.CLOSEST_OBSTACLE]:
+        first, second = int(numbers[referee.AGENT_A]), int(numbers[referee.AGENT_B])
+        x, y = (position[first] + position[second]) / 2
+        who = f"agents {first} and {second}"
+    else:
+        agent = int(numbers[referee.AGENT_C])
+        x, y = position[agent]
+        who = f"agent {agent} and obstacle {int(numbers[referee.OBSTACLE])}"
+    return f"{who} at x = {x:.1f} m, y = {y:.1f} m, t = {tick * TICK_S:.2f} s"
