@@ -1,5 +1,5 @@
 # make demo   fly 25 drones in 25 processes and print the report
-# make test   run all tests          make lint   ruff and mypy
+# make test   run all tests          make lint   ruff, mypy and who may import whom
 # make bench  measure this machine   make clean  remove the virtual environment and caches
 
 PYTHON ?= python3
@@ -17,6 +17,7 @@ lint: .venv/ready-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 bench: .venv/ready
 	$(BIN)/rsc-swarm bench

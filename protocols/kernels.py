@@ -130,7 +130,7 @@ def _digest(data: bytes) -> bytes:
     return hashlib.blake2b(data, digest_size=_DIGEST_BYTES).digest()
 
 
-class _Place(caching._CacheLocator):  # type: ignore[misc]
+class _Place(caching._CacheLocator):
     """Names what is kept; numba looks at the file's time and path instead."""
 
     def __init__(self, function: Callable[..., Any], file: Path) -> None:
@@ -154,7 +154,7 @@ class _Place(caching._CacheLocator):  # type: ignore[misc]
         return cls(function, _file_of(function))
 
 
-class _Form(caching.CompileResultCacheImpl):  # type: ignore[misc]
+class _Form(caching.CompileResultCacheImpl):
     _locator_classes = [_Place]  # noqa: RUF012
 
 
@@ -190,19 +190,19 @@ class _Files:
         return self.folder / f"{self._name}.{_digest(repr(key).encode()).hex()}.nbc"
 
 
-class _Kept(caching.Cache):  # type: ignore[misc]
+class _Kept(caching.Cache):
     """The compiled forms of one kernel, in a folder that is looked for only when there is something to load or keep."""
 
     _impl_class = _Form  # type: ignore[assignment]
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
+        super().__init__(function)  # type: ignore[no-untyped-call]
         self._stamp = fingerprint(_file_of(function))
         self._files = _Files(self._impl.filename_base)
         self._cache_file = self._files  # type: ignore[assignment]
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        return super().load_overload(signature, target) if self.find_folder() else None
+        return super().load_overload(signature, target) if self.find_folder() else None  # type: ignore[no-untyped-call]
 
     def save_overload(self, signature: Any, data: Any) -> None:
         folder = self.find_folder()
@@ -212,7 +212,7 @@ class _Kept(caching.Cache):  # type: ignore[misc]
             if not folder.exists():
                 folder.mkdir(exist_ok=True, mode=0o700)
                 _sweep(folder)
-            super().save_overload(signature, data)
+            super().save_overload(signature, data)  # type: ignore[no-untyped-call]
 
     def find_folder(self) -> Path | None:
         """Where the forms are or will be kept; None if nowhere that can be trusted."""
@@ -335,4 +335,4 @@ if COMPILED:
 
         return group(group), generate
 
-    borrowed = intrinsic(_borrow)  # type: ignore[assignment, arg-type]
+    borrowed = intrinsic(_borrow)  # type: ignore[assignment]

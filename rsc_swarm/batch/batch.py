@@ -5,7 +5,6 @@ flight of the analytic controller without swaps is, bit for bit, the one that `S
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +55,7 @@ def check_flyable(mission: Mission) -> None:
 
 
 class Batch:
-    """E worlds of N drones. Public arrays are filled in place; see rsc_swarm.batch.kernel.Stage for their shapes."""
+    """E worlds of N drones. ``stage`` holds all arrays, filled in place (rsc_swarm.batch.kernel.Stage)."""
 
     def __init__(self, missions: Sequence[Mission]) -> None:
         """Begin one episode per mission; they must agree in all but seeds and obstacles.
@@ -68,7 +67,7 @@ class Batch:
         check_flyable(mission)
         worlds, agents = self.worlds, self.agents = len(missions), mission.agents
         rows, both = worlds * agents, (worlds, agents)
-        self._stage = kernels.Stage(
+        self.stage = kernels.Stage(
             pilot=np.full(worlds, EXPERT, np.int8),
             ticks=np.zeros(worlds, np.int64),
             result=np.zeros(worlds, np.int8),
@@ -126,20 +125,13 @@ class Batch:
         for world, one in enumerate(missions):
             self.restart(world, one)
 
-    def __getattr__(self, name: str) -> Any:
-        """The arrays of the stage: position, velocity, ticks, result, observation, near, target, extra, ..."""
-        try:
-            return getattr(self.__dict__["_stage"], name)
-        except KeyError:
-            raise AttributeError(name) from None
-
     def restart(self, world: int, mission: Mission) -> None:
         """Begin a fresh episode in ``world``.
 
         Raises:
             world.field.FieldError: no room to start.
         """
-        stage, rows = self._stage, slice(world * self.agents, (world + 1) * self.agents)
+        stage, rows = self.stage, slice(world * self.agents, (world + 1) * self.agents)
         _, _, views, _, _, _, memory = self._lent
         discs = field.draw_obstacles(mission)
         stage.position[world], stage.claim[world] = (
@@ -166,7 +158,7 @@ class Batch:
         """
         shape = (self.worlds, self.agents, horizon, 2)
         displacement, velocity_change = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        kernels.label(self._stage, self._field, self._desk, self._scratch, displacement, velocity_change)
+        kernels.label(self.stage, self._field, self._desk, self._scratch, displacement, velocity_change)
         return displacement, velocity_change
 
     def fly(
@@ -184,7 +176,7 @@ class Batch:
                 flies, or with ``analytic`` the analytic controller, each drone for itself.
             by_expert: (E,) worlds in which the expert flies although there are plans.
         """
-        stage = self._stage
+        stage = self.stage
         stage.pilot[:] = ANALYTIC if analytic else EXPERT
         if acceleration is not None and displacement is not None:
             stage.pilot[:] = PLAN if by_expert is None else np.where(by_expert, EXPERT, PLAN)
@@ -196,7 +188,7 @@ class Batch:
 
     def outcome(self, world: int) -> Outcome:
         """How the episode of ``world`` ended, as a flight's report has it."""
-        stage, verdict = self._stage, self._stage.verdict[world]
+        stage, verdict = self.stage, self.stage.verdict[world]
         success, ticks, formed = (
             stage.result[world] == kernels.SUCCEEDED,
             int(stage.ticks[world]),

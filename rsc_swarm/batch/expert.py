@@ -32,10 +32,10 @@ def fly_expert(missions: Sequence[Mission], every: int) -> Iterator[_Ended | int
         protocols.mission.document.MissionError: the batch simulation cannot fly this. world.field.FieldError: no room to start.
     """
     flight = Batch(missions)
-    while (flying := flight.result == FLYING).any():
-        before = int(flight.ticks.sum())
+    while (flying := flight.stage.result == FLYING).any():
+        before = int(flight.stage.ticks.sum())
         flight.fly(every)
-        yield int(flight.ticks.sum()) - before
-        for world in np.flatnonzero(flying & (flight.result != FLYING)).tolist():
-            swaps = {**dict.fromkeys(SWAP_COUNTS, 0), "committed": int(flight.swaps[world])}
+        yield int(flight.stage.ticks.sum()) - before
+        for world in np.flatnonzero(flying & (flight.stage.result != FLYING)).tolist():
+            swaps = {**dict.fromkeys(SWAP_COUNTS, 0), "committed": int(flight.stage.swaps[world])}
             yield world, flight.outcome(world), _ONE_VIEW, swaps

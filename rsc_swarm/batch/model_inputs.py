@@ -1,6 +1,6 @@
 """What a model file takes, from the recorded arrays of a batch: whole swarms taken apart into single drones."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ def model_inputs(
     )
 
 
-def _by_drone(values: NDArray, rows: int) -> Array:
+def _by_drone(values: NDArray[Any], rows: int) -> Array:
     """(L, E, N, ...) to (E N, L, ...), contiguous float32."""
     apart = values.reshape(len(values), rows, *values.shape[3:])
     return np.ascontiguousarray(np.moveaxis(apart, 0, 1), np.float32)

@@ -61,7 +61,7 @@ def _fly(agents: int, number: int) -> int:
     seeds = range(1_000_000 + number * _WORLDS, 1_000_000 + (number + 1) * _WORLDS)
     batch = Batch([mission.model_copy(update={"map_seed": seed, "seed": seed}) for seed in seeds])
     batch.fly(mission.ticks if number else 1, analytic=True)
-    return int(batch.ticks.sum()) * agents
+    return int(batch.stage.ticks.sum()) * agents
 
 
 def _vmas(agents: int, steps: int, threads: int) -> float | None:

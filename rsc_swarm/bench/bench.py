@@ -128,7 +128,7 @@ def _cost(figures: dict[str, Any]) -> float:
     learned, made = (
         figures[f"flights_{figures['agents']}"][policy]["real_time_factors"] for policy in _POLICIES
     )
-    return 1 - median(slow / fast for slow, fast in zip(learned, made, strict=True))
+    return float(1 - median(slow / fast for slow, fast in zip(learned, made, strict=True)))
 
 
 def _beside_vmas(figures: dict[str, Any]) -> str:

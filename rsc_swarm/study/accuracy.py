@@ -35,8 +35,10 @@ def mae(model: Path, mission: Mission, maps: Sequence[int]) -> tuple[float, floa
         [mission.model_copy(update={"map_seed": place, "seed": STARTS_PER_MAP * place}) for place in maps]
     )
     errors, moved, plans = 0.0, 0.0, 0
-    while (flying := batch.result == FLYING).any():
-        inputs = model_inputs(batch.observation, batch.near, batch.target, batch.extra, facts.past)
+    while (flying := batch.stage.result == FLYING).any():
+        inputs = model_inputs(
+            batch.stage.observation, batch.stage.near, batch.stage.target, batch.stage.extra, facts.past
+        )
         planned = session.run(None, {name: getattr(inputs, name) for name in wanted})
         displacement, acceleration = (
             value.reshape(batch.worlds, batch.agents, facts.horizon, 2) for value in planned

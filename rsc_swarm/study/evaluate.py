@@ -199,7 +199,7 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
 
 def failure_bound(runs: int) -> float:
     """The failure rate is below this with 95 % confidence after ``runs`` without a failure; about 3 / runs."""
-    return 1 - 0.05 ** (1 / runs)
+    return float(1 - 0.05 ** (1 / runs))
 
 
 def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -> Evaluation:

@@ -20,6 +20,8 @@ from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.replay import Replay, Samples
 from rsc_swarm.training.watcher import Scalars
 
+_VERSION = 2  # of the checkpoint
+
 
 class TrainingFolder:
     """The files of one training."""
@@ -43,11 +45,15 @@ class TrainingFolder:
         """The state after the last whole epoch; None at the beginning.
 
         Raises:
-            TrainingError: the checkpoint is damaged, or of another config.
+            TrainingError: the checkpoint is damaged, or of another version or config.
         """
         if not self._checkpoint.exists():
             return None
         state = _load(self._checkpoint)
+        if state.get("version") != _VERSION:
+            raise TrainingError(
+                f"--out {self.path}: holds a training of another version; give another folder"
+            )
         theirs, ours = json.loads(state["config"]), self._config.model_dump(mode="json")
         if differing := [name for name in ours if theirs.get(name) != ours[name]]:
             name = differing[0]
@@ -63,7 +69,13 @@ class TrainingFolder:
         self._samples.mkdir(exist_ok=True)
         _write(self._epoch(epoch), replay.newest(self._per_epoch)._asdict())
         _write(
-            self._checkpoint, {"config": self._config.model_dump_json(), "curve": curve, "learner": learner}
+            self._checkpoint,
+            {
+                "version": _VERSION,
+                "config": self._config.model_dump_json(),
+                "curve": curve,
+                "learner": learner,
+            },
         )
         lines = "".join(json.dumps(scalars) + "\n" for scalars in curve)
         write_whole(self.path / "curve.jsonl", lines)
@@ -97,6 +109,7 @@ def _write(path: Path, state: dict[str, Any]) -> None:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
         raise TrainingError(f"{path}: is missing or damaged; remove {path.parent} and train anew") from None
+    return state

@@ -74,10 +74,10 @@ def fly(
             errors.append(np.abs(planned - displacement).mean())
             planned, acceleration = continued(planned, acceleration, ticks)
             batch.fly(ticks, acceleration, planned, by_expert)
-        for world in np.flatnonzero(batch.result != FLYING):
+        for world in np.flatnonzero(batch.stage.result != FLYING):
             flown.episodes += 1
-            flown.succeeded += int(batch.result[world] == SUCCEEDED)
-            flown.collided += int(batch.result[world] == COLLIDED)
+            flown.succeeded += int(batch.stage.result[world] == SUCCEEDED)
+            flown.collided += int(batch.stage.result[world] == COLLIDED)
             batch.restart(int(world), training_mission(config, rng, detour))
         each_round()
     flown.mae_m = float(np.mean(errors)) if errors else None
@@ -87,10 +87,10 @@ def fly(
 
 def observed(batch: Batch, config: TrainingConfig, change: Tensor) -> Samples:
     """What the drones of all worlds see now, with the expert's label."""
-    local = [batch.target, batch.extra] if config.extra == "wide" else [batch.target]
+    local = [batch.stage.target, batch.stage.extra] if config.extra == "wide" else [batch.stage.target]
     return Samples(
-        torch.from_numpy(batch.observation).transpose(0, 1),
-        torch.from_numpy(batch.near[:PAST]).transpose(0, 1),
+        torch.from_numpy(batch.stage.observation).transpose(0, 1),
+        torch.from_numpy(batch.stage.near[:PAST]).transpose(0, 1),
         torch.from_numpy(np.concatenate(local, -1)),
         change,
     )

@@ -1,13 +1,13 @@
 """The learned half of an epoch: mini-batches of graphs, the loss, the weights and their running average."""
 
-import copy
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
+from torch.optim.lr_scheduler import ConstantLR, CosineAnnealingLR
+from torch.optim.swa_utils import AveragedModel
 
 from rsc_swarm.training.config import TrainingConfig
 from rsc_swarm.training.network import PolicyNetwork
@@ -28,13 +28,23 @@ class Learner:
 
     def __init__(self, config: TrainingConfig, network: PolicyNetwork) -> None:
         self.config, self.network = config, network
-        self.average = copy.deepcopy(network).eval().requires_grad_(False)
+        self._averaged = AveragedModel(network, avg_fn=self._averaged_weight).eval().requires_grad_(False)
         self.updates = 0
         self._device = network.device
         self._optimizer = torch.optim.AdamW(
             network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
         )
+        self._schedule = (
+            CosineAnnealingLR(self._optimizer, T_max=config.epochs * config.updates)
+            if config.cosine
+            else ConstantLR(self._optimizer, factor=1.0)
+        )
         self._half = config.bfloat16 and _multiplies_bfloat16(self._device)
+
+    @property
+    def average(self) -> PolicyNetwork:
+        """The network with the averaged weights."""
+        return cast(PolicyNetwork, self._averaged.module)
 
     def measure(self, samples: Samples) -> None:
         """Take the normalisation of the inputs from recorded data; before the first update."""
@@ -52,18 +62,17 @@ class Learner:
                 samples = mirrored(samples, (torch.rand(config.batch) < 0.5).to(self._device))
             loss, error = self._errors(samples)
             self._optimizer.zero_grad()
-            loss.backward()
+            torch.autograd.backward(loss)
             torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.clip)
-            for group in self._optimizer.param_groups:
-                group["lr"] = self._rate()
             self._optimizer.step()
+            self._schedule.step()
             self.updates += 1
-            self._average()
+            self._averaged.update_parameters(self.network)
             sums += torch.stack([loss.detach(), error])
             each_update()
         self.network.eval()
         loss_mean, error_mean = (sums / config.updates).tolist()
-        return Learned(loss_mean, error_mean, self._rate())
+        return Learned(loss_mean, error_mean, float(self._schedule.get_last_lr()[0]))
 
     def _errors(self, samples: Samples) -> tuple[Tensor, Tensor]:
         """The loss of (dr) / (T²/3) and (dv) / T [m/s²], weighted, and the mean |dr| [m] over samples, steps and axes."""
@@ -78,39 +87,28 @@ class Learner:
             loss = loss + config.velocity_weight * penalty(off_speed, config.outlier_mps2)
         return loss, off.detach().abs().mean()
 
-    def _rate(self) -> float:
-        """The learning rate now."""
-        config = self.config
-        if not config.cosine:
-            return config.learning_rate
-        return (
-            0.5
-            * config.learning_rate
-            * (1 + math.cos(math.pi * self.updates / (config.epochs * config.updates)))
-        )
-
-    @torch.no_grad()
-    def _average(self) -> None:
-        # The first weights are forgotten faster: they are worth nothing.
-        keep = min(self.config.averaging, (1 + self.updates) / (10 + self.updates))
-        for mean, weight in zip(self.average.parameters(), self.network.parameters(), strict=True):
-            mean.lerp_(weight, 1 - keep)
+    def _averaged_weight(self, mean: Tensor, weight: Tensor, averaged: Tensor | int) -> Tensor:
+        """The average after one more of so many weights; the first ones are worth nothing and forgotten faster."""
+        keep = min(self.config.averaging, (2 + int(averaged)) / (11 + int(averaged)))
+        return mean.lerp(weight, 1 - keep)
 
     def state(self) -> dict[str, Any]:
         """Everything that learning goes on from."""
         return {
             "updates": self.updates,
             "network": self.network.state_dict(),
-            "average": self.average.state_dict(),
+            "average": self._averaged.state_dict(),
             "optimizer": self._optimizer.state_dict(),
+            "schedule": self._schedule.state_dict(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from `state`."""
         self.updates = state["updates"]
         self.network.load_state_dict(state["network"])
-        self.average.load_state_dict(state["average"])
+        self._averaged.load_state_dict(state["average"])
         self._optimizer.load_state_dict(state["optimizer"])
+        self._schedule.load_state_dict(state["schedule"])
 
 
 def penalty(error: Tensor, limit: float | None) -> Tensor:
@@ -123,5 +121,5 @@ def penalty(error: Tensor, limit: float | None) -> Tensor:
 def _multiplies_bfloat16(device: torch.device) -> bool:
     """Whether bfloat16 is faster than float32 there; on a CPU without the instructions it is much slower."""
     if device.type == "cuda":
-        return torch.cuda.is_bf16_supported()
+        return bool(torch.cuda.is_bf16_supported())
     return bool(torch.cpu.get_capabilities().get("avx512_bf16", False))

@@ -66,7 +66,8 @@ class PolicyNetwork(nn.Module):
         nodes = self.embed(self.normal_x(observation[:, first:]))
         mean = neighbour_shares(near[:, first:PAST]).to(nodes.dtype) @ nodes[:, :-1]
         own, mean = (steps.movedim(1, 2).flatten(0, 1) for steps in (nodes[:, 1:], mean))
-        return self.decide(own, mean, self.normal_local(local).flatten(0, 1)).unflatten(0, local.shape[:2])
+        decided = self.decide(own, mean, self.normal_local(local).flatten(0, 1))
+        return decided.reshape(*local.shape[:2], decided.shape[-1])
 
     def drones(self, own: Tensor, heard: Tensor, share: Tensor, local: Tensor) -> Tensor:
         """Outputs (B, size) from own X_i (B, L, 18), heard X_j (B, L, K, 18), share (B, L, K), local (B, F)."""
@@ -119,12 +120,14 @@ class RscNetwork(PolicyNetwork):
         )
 
     def embed(self, x: Tensor) -> Tensor:
-        return self.node(x)
+        embedded: Tensor = self.node(x)
+        return embedded
 
     def decide(self, own: Tensor, mean: Tensor, local: Tensor) -> Tensor:
         step = torch.relu(self.from_own(own) + self.from_neighbours(mean))
         context = self.time(step + self.when)
-        return self.head(torch.cat([context, self.local(local)], -1))
+        decided: Tensor = self.head(torch.cat([context, self.local(local)], -1))
+        return decided
 
 
 class NewestToken(nn.Module):
@@ -148,7 +151,8 @@ class NewestToken(nn.Module):
         score = (query * key).sum(-1, keepdim=True) * self.split[1] ** -0.5  # (B, L, heads, 1)
         seen = (score.softmax(1) * value).sum(1).reshape(-1, self.split[0] * self.split[1])
         newest = self.after_attention(newest + self.out(seen))
-        return self.after_feedforward(newest + self.feedforward(newest))
+        encoded: Tensor = self.after_feedforward(newest + self.feedforward(newest))
+        return encoded
 
 
 class StgnnNetwork(PolicyNetwork):
@@ -171,7 +175,8 @@ class StgnnNetwork(PolicyNetwork):
         return x
 
     def decide(self, own: Tensor, mean: Tensor, local: Tensor) -> Tensor:
-        return self.head(torch.cat([own[..., -1, :], mean.flatten(-2), local], -1))
+        decided: Tensor = self.head(torch.cat([own[..., -1, :], mean.flatten(-2), local], -1))
+        return decided
 
 
 def _quiet(last: nn.Linear) -> nn.Linear:

@@ -19,7 +19,7 @@ def missions(count: int, **fields: Any) -> list[Mission]:
 
 def fly_out(batch: Batch, **how: Any) -> None:
     batch.fly(batch.mission.ticks, **how)
-    assert not (batch.result == FLYING).any()
+    assert not (batch.stage.result == FLYING).any()
 
 
 def test_the_analytic_controller_flies_bit_for_bit_what_it_flies_in_a_simulation() -> None:
@@ -28,8 +28,8 @@ def test_the_analytic_controller_flies_bit_for_bit_what_it_flies_in_a_simulation
         batch.fly(37, analytic=True)
         for _ in range(37):
             simulation.tick()
-        assert np.array_equal(batch.position, simulation.world.position)
-        assert np.array_equal(batch.velocity, simulation.world.velocity)
+        assert np.array_equal(batch.stage.position, simulation.world.position)
+        assert np.array_equal(batch.stage.velocity, simulation.world.velocity)
 
 
 def test_detours_are_flown_bit_for_bit_as_in_a_simulation() -> None:
@@ -41,7 +41,7 @@ def test_detours_are_flown_bit_for_bit_as_in_a_simulation() -> None:
         for _ in range(10):
             simulation.tick()
             ticks_on_detours += int((simulation.agents._memory.stalled > STALLED_TICKS).sum())
-        assert np.array_equal(batch.position, simulation.world.position)
+        assert np.array_equal(batch.stage.position, simulation.world.position)
     assert ticks_on_detours > 20
 
 
@@ -53,7 +53,7 @@ def test_observations_are_those_of_the_drones_at_this_and_the_last_three_ticks()
     for _ in range(23):  # what a drone observes at a tick is known only once it has flown it
         simulation.tick()
         seen.append(simulation.agents._work.observation.reshape(2, 6, 18).astype(np.float32))
-    assert np.array_equal(batch.observation, np.stack(seen[-4:]))
+    assert np.array_equal(batch.stage.observation, np.stack(seen[-4:]))
 
 
 def test_both_agree_on_how_and_when_a_flight_ends() -> None:
@@ -74,13 +74,13 @@ def test_labels_are_what_the_expert_then_flies_and_leave_no_trace() -> None:
     batch, untouched = Batch(missions(2)), Batch(missions(2))
     for one in (batch, untouched):
         one.fly(100)
-    start, speed = batch.position.copy(), batch.velocity.copy()
+    start, speed = batch.stage.position.copy(), batch.stage.velocity.copy()
     displacement, velocity_change = batch.label(20)
     for one in (batch, untouched):
         one.fly(20)
-    assert np.array_equal(batch.position, untouched.position)
-    assert np.allclose(displacement[:, :, -1], batch.position - start - 0.2 * speed, atol=1e-6)
-    assert np.allclose(velocity_change[:, :, -1], batch.velocity - speed, atol=1e-6)
+    assert np.array_equal(batch.stage.position, untouched.position)
+    assert np.allclose(displacement[:, :, -1], batch.stage.position - start - 0.2 * speed, atol=1e-6)
+    assert np.allclose(velocity_change[:, :, -1], batch.stage.velocity - speed, atol=1e-6)
 
 
 def test_a_plan_of_the_experts_own_is_flown_as_the_expert_flies() -> None:
@@ -90,15 +90,15 @@ def test_a_plan_of_the_experts_own_is_flown_as_the_expert_flies() -> None:
         acceleration = np.diff(velocity_change, axis=2, prepend=0) / 0.01
         batch.fly(20, acceleration, displacement)
         expert.fly(20)
-    assert np.abs(batch.position - expert.position).max() < 0.2
+    assert np.abs(batch.stage.position - expert.position).max() < 0.2
 
 
 def test_the_expert_arrives_and_reconfigures_on_the_way() -> None:
     batch = Batch(missions(4, swap={"rule": "contact"}, start={"scrambled": True}))
     fly_out(batch)
-    assert (batch.result == SUCCEEDED).all()
-    assert (batch.swaps > 0).all()
-    assert sorted(batch.claim[0].tolist()) == list(range(6))
+    assert (batch.stage.result == SUCCEEDED).all()
+    assert (batch.stage.swaps > 0).all()
+    assert sorted(batch.stage.claim[0].tolist()) == list(range(6))
 
 
 def test_a_world_begins_again_as_if_it_were_new() -> None:
@@ -107,8 +107,8 @@ def test_a_world_begins_again_as_if_it_were_new() -> None:
     batch.restart(1, missions(1)[0])
     batch.fly(50)
     fresh.fly(50)
-    assert np.array_equal(batch.position[1], fresh.position[0])
-    assert np.array_equal(batch.observation[:, 1], fresh.observation[:, 0])
+    assert np.array_equal(batch.stage.position[1], fresh.position[0])
+    assert np.array_equal(batch.stage.observation[:, 1], fresh.observation[:, 0])
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from statistics import NormalDist
 
+import numpy as np
 import psutil
 import pytest
 
@@ -72,6 +74,15 @@ def test_the_wilson_interval_is_the_textbooks():
     assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
     assert wilson(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)
     assert wilson(600, 600) == pytest.approx((0.99364, 1.0), abs=1e-5)
+
+
+@pytest.mark.parametrize(("successes", "runs"), [(0, 7), (1, 7), (5, 7), (7, 7), (583, 600), (2999, 3000)])
+def test_the_ends_of_the_wilson_interval_are_just_not_rejected(successes, runs):
+    """It is made of all rates that the score test at 5 % does not reject; here they are tried one by one."""
+    rates = np.linspace(0, 1, 200_001)
+    z = NormalDist().inv_cdf(0.975)
+    believed = rates[np.abs(successes / runs - rates) <= z * np.sqrt(rates * (1 - rates) / runs) + 1e-12]
+    assert wilson(successes, runs) == pytest.approx((believed[0], believed[-1]), abs=1e-5)
 
 
 def test_no_failure_in_few_runs_says_little():

@@ -22,6 +22,6 @@ def test_a_batch_a_simulation_and_a_launch_fly_one_trajectory(tmp_path: Path) ->
     batch, simulation = Batch([MISSION]), Simulation([MISSION])
     for position in launched[: MISSION.ticks]:
         assert np.array_equal(simulation.world.position[0], position)
-        assert np.array_equal(batch.position[0], position)
+        assert np.array_equal(batch.stage.position[0], position)
         batch.fly(1, analytic=True)
         simulation.tick()

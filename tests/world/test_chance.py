@@ -38,6 +38,19 @@ def test_a_draw_is_at_least_zero_and_below_one_and_the_same_when_asked_again(
     assert chance.uniform(seed, rule, source, destination, tick) == draw
 
 
+def test_the_mixing_is_splitmix64s() -> None:
+    """The first outputs for the state 1234567, as published with its reference implementation."""
+    known = [
+        6457827717110365317,
+        3203168211198807973,
+        9817491932198370423,
+        4593380528125082431,
+        16408922859458223821,
+    ]
+    states = [(1234567 + step * 0x9E3779B97F4A7C15) % 2**64 for step in range(1, 6)]
+    assert [int(chance._mixed(np.uint64(state))) for state in states] == known
+
+
 def in_whole_numbers(seed: int, rule: int, source: int, destination: int, tick: int) -> float:
     """The generator once more, in Python's own unbounded integers."""
     end, gamma = 1 << 64, 0x9E3779B97F4A7C15
