@@ -75,10 +75,12 @@ def line(snapshot: Snapshot) -> str:
     nearest = min((row.nearest_m for row in flying), default=math.inf)
     edge = max((row.edge_error for row in flying), default=0.0)
     text = (
-        f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time  "
-        f"{_passed(snapshot)}  nearest {nearest:5.2f} m  "
-        f"worst edge {100 * edge:4.0f} %  swaps {swaps(snapshot)}"
+        f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time{_passed(snapshot, '  ')}"
     )
+    if math.isfinite(nearest):
+        text += f"  nearest {nearest:5.2f} m"
+    if len(snapshot.agents) > 1:
+        text += f"  worst edge {100 * edge:4.0f} %  swaps {swaps(snapshot)}"
     lost = len(snapshot.agents) - len(flying)
     return text + (f"  lost {lost}" if lost else "") + _late(snapshot)
 
@@ -88,8 +90,10 @@ def swaps(snapshot: Snapshot) -> int:
     return snapshot.swaps["committed"] + snapshot.swaps["vacated"]
 
 
-def _passed(snapshot: Snapshot) -> str:
-    return f"obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}"
+def _passed(snapshot: Snapshot, gap: str) -> str:
+    """Nothing in a field without obstacles."""
+    passed = f"{gap}obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}"
+    return passed if snapshot.obstacles else ""
 
 
 def _late(snapshot: Snapshot) -> str:
@@ -105,7 +109,7 @@ def picture(title: str, snapshot: Snapshot, height: int) -> Group:
         Text.assemble((title, "bold"), no_wrap=True, overflow="ellipsis"),
         Text(
             f"t {snapshot.time_s:6.2f} s   tick {snapshot.tick:5d}   "
-            f"{snapshot.real_time_factor:5.1f} x real time   {_passed(snapshot)}{_late(snapshot)}",
+            f"{snapshot.real_time_factor:5.1f} x real time{_passed(snapshot, '   ')}{_late(snapshot)}",
             no_wrap=True,
         ),
         Text(

@@ -62,6 +62,12 @@ def test_lost_and_frozen_drones_stand_out():
     assert line(last).endswith("lost 1")
 
 
+def test_of_one_drone_in_an_empty_field_only_what_there_is_is_shown():
+    alone = snapshots(1, obstacles={"discs": []})[-1]
+    assert line(alone).split()[-3:] == ["x", "real", "time"]
+    assert not any("obstacles" in text or "inf" in text for text in drawn(alone))
+
+
 def test_without_a_terminal_there_is_one_line_every_two_seconds(of_25):
     stream = io.StringIO()
     with View("a flight", stream) as view:
