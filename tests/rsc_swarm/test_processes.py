@@ -223,6 +223,64 @@ def test_a_frozen_drone_stands_still_and_a_thawed_one_goes_on(tell: Callable[[st
     assert lines == ["True []", "True", "True"]
 
 
+def test_a_frozen_child_that_answers_signals_itself_is_thawed_to_leave(
+    tell: Callable[[str], list[str]],
+) -> None:
+    """One that does not would be ended by SIGTERM even while it is stopped."""
+    lines = tell(
+        """
+        with Supervisor() as swarm:
+            swarm.start("frozen", polite, "frozen")
+            await_files("frozen")
+            swarm.freeze("frozen")
+            print([(end.code, end.signal) for end in swarm.stop(5.0)])
+            swarm.start("asked", polite, "asked")
+            await_files("asked")
+            swarm.freeze("asked")
+            swarm.ask("asked")
+            print([(end.code, end.signal) for end in swarm.wait(5.0)])
+            swarm.ask("nobody")
+        """
+    )
+    assert lines == ["[(0, None)]"] * 2
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGHUP"])
+def test_what_a_terminal_sends_to_all_is_answered_by_the_launcher_alone(
+    tell: Callable[[str], list[str]], number: str
+) -> None:
+    lines = tell(
+        f"""
+        with Supervisor() as swarm:
+            pid = swarm.start("polite", polite, "polite")
+            await_files("polite")
+            os.kill(pid, signal.{number})
+            print(swarm.wait(0.2))
+            print([end.code for end in swarm.stop(5.0)])
+        """
+    )
+    assert lines == ["[]", "[0]"]
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_within_the_block_a_signal_only_asks_and_afterwards_all_is_as_before(
+    tell: Callable[[str], list[str]], number: str
+) -> None:
+    lines = tell(
+        f"""
+        from rsc_swarm.flight.processes import leave_when_asked
+        before = signal.getsignal(signal.{number})
+        with leave_when_asked() as leave:
+            print(leave.asked)
+            for _ in range(3):
+                os.kill(os.getpid(), signal.{number})
+            print(leave.asked)
+        print(signal.getsignal(signal.{number}) is before)
+        """
+    )
+    assert lines == ["False", "True", "True"]
+
+
 def test_stop_asks_first_and_then_makes_sure(tell: Callable[[str], list[str]], here: Path) -> None:
     lines = tell(
         """

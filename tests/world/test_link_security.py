@@ -19,6 +19,7 @@ import zenoh
 from agent.radio.link import AgentLink
 from protocols.wire import keys
 from protocols.wire.keys import LinkError, Login
+from world.server import link as link_module
 from world.server.link import Credentials, WorldLink
 
 SWARM = "wedge"
@@ -169,6 +170,38 @@ def test_nobody_speaks_to_an_agent_in_the_worlds_name(world: WorldLink, endpoint
 
 @pytest.mark.parametrize("mode", ["client", "peer", "router"])
 def test_nobody_hears_what_is_meant_for_another(world: WorldLink, endpoint: str, mode: str) -> None:
+    assert_deaf(world, endpoint, mode)
+
+
+@pytest.mark.parametrize("lock", ["listens", "hears"])
+def test_each_of_two_locks_alone_keeps_an_agent_from_hearing_another(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, lock: str
+) -> None:
+    """With the other one open: what an agent may subscribe to, and what the world's router may put to it."""
+    locks = link_module._access_control
+
+    def one_open(swarm: str, agents: int) -> dict[str, Any]:
+        control = locks(swarm, agents)
+        for rule in control["rules"]:
+            if rule["id"].startswith(("listens", "hears")) and not rule["id"].startswith(lock):
+                rule["key_exprs"] = [f"{swarm}/**"]
+        return control
+
+    monkeypatch.setattr(link_module, "_access_control", one_open)
+    with WorldLink(CREDENTIALS, [endpoint]) as world:
+        assert_deaf(world, endpoint, "client")
+
+
+def test_a_message_longer_than_the_transport_carries_arrives_whole(world: WorldLink, endpoint: str) -> None:
+    with AgentLink(endpoint, CREDENTIALS.login(1)) as agent:
+        for size in (0, 65_000, 65_536, 300_000):
+            message = bytes(index % 251 for index in range(size))
+            world.send(1, message)
+            assert agent.receive(PATIENCE_S) == message
+
+
+def assert_deaf(world: WorldLink, endpoint: str, mode: str) -> None:
+    """Agent 1, who does not keep to the rules, hears nothing that is meant for, or said by, agent 0."""
     with (
         AgentLink(endpoint, CREDENTIALS.login(0)) as victim,
         intruder(endpoint, CREDENTIALS.login(1), mode) as session,
