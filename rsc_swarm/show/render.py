@@ -51,7 +51,7 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
     seeds = f"map {report.map_seed}, seed {report.seed}"
     when = "at success" if report.tau_s is not None else "at the end"
     rejected = ", ".join(f"{number:,} {reason}" for reason, number in frames.rejected.items() if number)
-    how = "in real processes" if report.mode != "simulate" else "in one process"
+    how = _HOW[report.mode]
     tolerance, edge = 100 * mission["edge_tolerance"], 100 * report.max_edge_error
     rows = {
         "mission": f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}",
