@@ -17,19 +17,25 @@ class WriteError(BrokenError):
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """A file to write; at the end of the ``with`` block it is on the disk and takes the name ``path``.
 
-    If the block raises, ``path`` stays as it was.
+    If the block raises, ``path`` stays as it was. What is no file, such as ``/dev/null``, is written to as it is; a link goes
+    on leading where it leads.
 
     Raises:
         WriteError: one line names the file and says why.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
+        if path.exists() and not path.is_file():
+            with path.open("wb") as file:
+                yield file
+            return
+        target = path.resolve()
+        partial = target.with_name(f".{target.name}.{os.getpid()}")
         try:
             with partial.open("wb") as file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
-            partial.replace(path)
+            partial.replace(target)
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:

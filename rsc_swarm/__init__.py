@@ -20,7 +20,11 @@ else:
     def __getattr__(name: str) -> Any:
         from importlib import import_module
 
+        from rsc_swarm.foreign import foreign_module
+
         if name == "__all__" or not name.startswith("_"):
+            if found := foreign_module():
+                raise ImportError(found)
             api = import_module("rsc_swarm.api")
             if name == "__all__" or name in api.__all__:
                 return getattr(api, name)

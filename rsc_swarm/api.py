@@ -19,6 +19,7 @@ import yaml
 from agent.policy import Policy, PolicyError, Seen
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
+from protocols.mission.policy_name import from_folder
 from rsc_swarm.cli.options import mission_path
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.launch import RunBroken
@@ -28,6 +29,7 @@ from rsc_swarm.show.report import FlightReport, report_of
 from rsc_swarm.study import evaluate as study
 from rsc_swarm.study.evaluate import Evaluation
 from rsc_swarm.study.finished import fingerprint
+from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory
 
 __all__ = [
@@ -121,15 +123,13 @@ def simulate(mission: Mission | Sequence[Mission]) -> Flight | list[Flight]:
     """
     if not isinstance(mission, Mission):
         return [simulate(one) for one in mission]
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "trajectory.npz"
-        flown = fly(mission, trajectory=path)
-        if flown.outcome.failure == "interrupted":
-            raise KeyboardInterrupt
-        again = shlex.join(["rsc-swarm", "simulate", *_settings(mission)])
-        return Flight(
-            mission, report_of(flown, mission, "simulate", "lockstep", again), Trajectory.load(path)
-        )
+    recorder = Recorder(mission)
+    flown = fly(mission, recorder=recorder)
+    if flown.outcome.failure == "interrupted":
+        raise KeyboardInterrupt
+    again = shlex.join(["rsc-swarm", "simulate", *_settings(mission)])
+    report = report_of(flown, mission, "simulate", "lockstep", again)
+    return Flight(mission, report, recorder.trajectory)
 
 
 def launch(
@@ -144,7 +144,7 @@ def launch(
 
     Args:
         clock: repeatable and as fast as it goes, or 100 ticks a second on the wall clock.
-        run_dir: keep mission, report, paths and logs in this folder (docs/recordings.md).
+        run_dir: keep mission, report, paths and logs in this folder (docs/recordings.md), which must not hold a flight yet.
 
     Raises:
         MissionError: it cannot be flown. RunBroken: the run itself broke. One line says why.
@@ -157,9 +157,9 @@ def launch(
         )
     with TemporaryDirectory() as temporary:
         folder = Path(run_dir) if run_dir else Path(temporary) / "run"
-        words = ["launch", *_settings(mission), "--clock", clock, "--run-dir", str(folder)]
+        words = ["launch", *_settings(mission), "--clock", clock]
         done = subprocess.run(
-            [sys.executable, "-m", "rsc_swarm", *words],
+            [sys.executable, "-m", "rsc_swarm", *words, "--run-dir", str(folder)],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -168,6 +168,8 @@ def launch(
         if done.returncode not in _FLOWN:
             _raise(done)
         report = FlightReport.model_validate_json((folder / "report.json").read_text(encoding="utf-8"))
+        if not run_dir:
+            report = report.model_copy(update={"again": shlex.join(["rsc-swarm", *words])})
         return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))
 
 
@@ -183,6 +185,7 @@ def _raise(done: "subprocess.CompletedProcess[str]") -> None:
 def _settings(mission: Mission) -> list[str]:
     """The options that make this mission of the standard task."""
     words = []
+    mission = mission.model_copy(update={"policy": from_folder(mission.policy, Path.cwd())})
     for field, value in _leaves(mission.model_dump(mode="json", exclude_defaults=True)):
         text = (
             yaml.safe_dump(value, default_flow_style=True, width=float("inf")).removesuffix("...\n").strip()

@@ -28,7 +28,12 @@ JsonFile = Annotated[
 ]
 RunFolder = Annotated[
     Path | None,
-    typer.Option("--run-dir", metavar="DIR", help="Keep mission, report, all paths and the logs here."),
+    typer.Option(
+        "--run-dir", metavar="DIR", help="Keep mission, policy, report, all paths and the logs here."
+    ),
+]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Use a --run-dir again that holds an earlier flight.")
 ]
 ClockOption = Annotated[
     Clock, typer.Option(help="As fast as the machine can and repeatable, or 100 Hz on the wall clock.")

@@ -2,15 +2,18 @@
 
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from agent.policy import files_of, find_policy
 from protocols.errors import ExitCode
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
 from rsc_swarm.cli.options import Clock, MissionOptions, command_line, resolve
 from rsc_swarm.cli.output import JsonOutput
 from rsc_swarm.flight.processes import leave_when_asked
+from rsc_swarm.flight.provenance import provenance
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.show.render import plain, render, show
 from rsc_swarm.show.report import FlightReport, agents_text, report_of
@@ -28,12 +31,31 @@ class Flight(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a flight tells: its figures, and those only a launcher knows. ``unsaved``: why its paths could not be saved."""
+    """What a flight tells: its figures, and those only a launcher knows. save: puts the paths into the run directory, or
+    raises the WriteError of whoever tried."""
 
     flown: Flown
     first_tick_s: float | None = None
     pss_mb: float | None = None
-    unsaved: str | None = None
+    save: Callable[[], None] = lambda: None
+
+
+def told_unsaved(why: str | None) -> None:
+    """What a world in a process of its own says of its saving.
+
+    Raises:
+        protocols.whole_file.WriteError: it could not, and said why.
+    """
+    if why:
+        raise WriteError(why)
+
+
+class Outputs(NamedTuple):
+    """Where a flight is kept: the options ``--json``, ``--run-dir`` and ``--overwrite``."""
+
+    json: str | None
+    run_dir: Path | None
+    overwrite: bool
 
 
 def fly_once(
@@ -41,20 +63,26 @@ def fly_once(
     fly: Callable[[Flight], Told],
     options: MissionOptions,
     clock: Clock,
-    json: str | None,
-    run_dir: Path | None,
+    outputs: Outputs,
     also: Mapping[str, Any] | None = None,
 ) -> ExitCode:
     """Fly once; how the command ends. ``also``: the options that flying it again needs besides those of the mission.
+
+    What came of it is told before anything is kept, so that a full disk loses no more than it must.
 
     Raises:
         protocols.errors.SwarmError: the mission cannot be flown, or the run itself broke.
     """
     mission = resolve(options)
-    output = JsonOutput(json)
-    folder = RunDir(run_dir) if run_dir else None
+    output = JsonOutput(outputs.json)
+    policy_files = files_of(find_policy(mission.policy, mission))
+    flown_with = provenance(policy_files)
+    folder = RunDir(outputs.run_dir) if outputs.run_dir else None
     if folder:
-        folder.begin(mission)
+        folder.begin(mission, policy_files, outputs.overwrite)
+        options = MissionOptions(mission=str(folder.mission))
+    realtime = {} if clock is Clock.lockstep else {"clock": clock.value}
+    again = command_line(mode, options, **(also or {}), **realtime)
     who = f"{agents_text(mission.agents)}, policy {mission.policy}"
     view = View(f"{mode} {mission.name}: {who}, map {mission.map_seed}, seed {mission.seed}")
     try:
@@ -64,19 +92,26 @@ def fly_once(
         reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
         print(reached, file=sys.stderr)
         return ExitCode.INTERRUPTED
-    with (
-        leave_when_asked()
-    ):  # who pressed Ctrl-C once may press it again: what was flown is told and kept all the same
-        realtime = {} if clock is Clock.lockstep else {"clock": clock.value}
-        again = command_line(mode, options, **(also or {}), **realtime)
-        report = report_of(told.flown, mission, mode, clock.value, again, told.first_tick_s, told.pss_mb)
-        output.write(report.model_dump_json(indent=2))
+    # Who pressed Ctrl-C once may press it again: what was flown is told and kept all the same.
+    with leave_when_asked():
+        report = report_of(
+            told.flown, mission, mode, clock.value, again, told.first_tick_s, told.pss_mb, flown_with
+        )
         show(render(report), output.beside)
-        if folder:  # last, because its disk may be full
-            folder.finish(report, plain(render(report)))
-    if told.unsaved:
-        raise WriteError(told.unsaved)
-    return _ends(report)
+        whole = _keeps(partial(output.write, report.model_dump_json(indent=2)))
+        if folder:
+            whole &= _keeps(told.save) & _keeps(partial(folder.finish, report, plain(render(report))))
+    return _ends(report) if whole else ExitCode.BROKEN
+
+
+def _keeps(save: Callable[[], None]) -> bool:
+    """Save; False if that failed, which is told but takes nothing else along."""
+    try:
+        save()
+    except WriteError as error:
+        print(f"rsc-swarm: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 def _ends(report: FlightReport) -> ExitCode:

@@ -1,10 +1,11 @@
 """``rsc-swarm launch``: the world and every drone as processes of their own."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
 
-from rsc_swarm.cli.app import ClockOption, JsonFile, RunFolder, announce_compiling, app, examples
+from rsc_swarm.cli.app import ClockOption, JsonFile, Overwrite, RunFolder, announce_compiling, app, examples
 from rsc_swarm.cli.options import Clock, MissionOptions, with_options
 
 if TYPE_CHECKING:
@@ -22,19 +23,22 @@ def launch(
     clock: ClockOption = Clock.lockstep,
     json: JsonFile = None,
     run_dir: RunFolder = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Fly once, for real: the world and every drone as processes of their own that talk over Zenoh."""
     announce_compiling()
-    from rsc_swarm.cli.fly import fly_once
+    from rsc_swarm.cli.fly import Outputs, fly_once
 
-    raise typer.Exit(fly_once("launch", _fly, options, clock, json, run_dir))
+    raise typer.Exit(fly_once("launch", _fly, options, clock, Outputs(json, run_dir, overwrite)))
 
 
 def _fly(flight: "Flight") -> "Told":
-    from rsc_swarm.cli.fly import Told
+    from rsc_swarm.cli.fly import Told, told_unsaved
     from rsc_swarm.flight.launch import launch
 
     place = flight.folder.path if flight.folder else None
     flight.view.doing(f"starting {flight.mission.agents + 1} processes")
     launched = launch(flight.mission, flight.clock.value, place, flight.view.update, weigh=True)
-    return Told(launched.flown, launched.first_tick_s, launched.pss_mb, launched.unsaved)
+    return Told(
+        launched.flown, launched.first_tick_s, launched.pss_mb, partial(told_unsaved, launched.unsaved)
+    )

@@ -1,6 +1,7 @@
 """``rsc-swarm mission``: what would be flown, field by field."""
 
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -29,6 +30,7 @@ def mission(
         return
     from agent.policy import find_policy
     from protocols.mission.formation import default_shape
+    from protocols.mission.policy_name import from_folder
     from rsc_swarm.flight.run_dir import mission_yaml
     from world.field import draw_obstacles, draw_start
 
@@ -40,7 +42,8 @@ def mission(
     if check:
         print(f"{options.mission or 'mission'}: can be flown by {made.agents} agents, formation {shape}")
     else:
-        sys.stdout.write(mission_yaml(made))
+        named = from_folder(made.policy, Path.cwd())  # the file may be written anywhere
+        sys.stdout.write(mission_yaml(made.model_copy(update={"policy": named})))
 
 
 def about(name: str) -> str:

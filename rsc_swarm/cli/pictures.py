@@ -1,7 +1,5 @@
 """What ``rsc-swarm plot`` draws: find or fly what is to be seen, then draw it."""
 
-import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -12,6 +10,7 @@ from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.show.plots.curves import draw_curves, draw_horizons
 from rsc_swarm.show.plots.flight import Track, draw
 from rsc_swarm.show.plots.style import PlotError
+from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory
 
 
@@ -85,17 +84,13 @@ def _sizes(options: MissionOptions, compare: str) -> list[Mission]:
 def _flown(mission: Mission) -> Track:
     from rsc_swarm.flight.in_process import fly
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "trajectory.npz"
-        outcome = fly(mission, trajectory=path).outcome
-        return Track(mission, Trajectory.load(path), outcome.tau_s, outcome.failure)
+    recorder = Recorder(mission)
+    outcome = fly(mission, recorder=recorder).outcome
+    return Track(mission, recorder.trajectory, outcome.tau_s, outcome.failure)
 
 
 def _recorded(folder: RunDir) -> Track:
     folder.check()
     mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
-    tau, failure = None, "interrupted"
-    if folder.report.is_file():
-        report = json.loads(folder.report.read_text(encoding="utf-8"))
-        tau, failure = report["tau_s"], report["failure"]
-    return Track(mission, Trajectory.load(folder.trajectory), tau, failure)
+    ended = folder.ended()
+    return Track(mission, Trajectory.load(folder.trajectory), ended.tau_s, ended.failure)

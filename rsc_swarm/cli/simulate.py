@@ -1,10 +1,11 @@
 """``rsc-swarm simulate``: the whole swarm in this one process."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
 
-from rsc_swarm.cli.app import ClockOption, JsonFile, RunFolder, announce_compiling, app, examples
+from rsc_swarm.cli.app import ClockOption, JsonFile, Overwrite, RunFolder, announce_compiling, app, examples
 from rsc_swarm.cli.options import Clock, MissionOptions, with_options
 
 if TYPE_CHECKING:
@@ -24,17 +25,21 @@ def simulate(
     clock: ClockOption = Clock.lockstep,
     json: JsonFile = None,
     run_dir: RunFolder = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Fly once, the whole swarm in this one process: fastest, and bit for bit the flight of launch."""
     announce_compiling()
-    from rsc_swarm.cli.fly import fly_once
+    from rsc_swarm.cli.fly import Outputs, fly_once
 
-    raise typer.Exit(fly_once("simulate", _fly, options, clock, json, run_dir))
+    raise typer.Exit(fly_once("simulate", _fly, options, clock, Outputs(json, run_dir, overwrite)))
 
 
 def _fly(flight: "Flight") -> "Told":
     from rsc_swarm.cli.fly import Told
     from rsc_swarm.flight.in_process import fly
+    from world.outlets.recorder import Recorder
 
-    trajectory = flight.folder.trajectory if flight.folder else None
-    return Told(fly(flight.mission, flight.clock is Clock.realtime, flight.view.update, trajectory))
+    mission, folder = flight.mission, flight.folder
+    recorder = Recorder(mission)
+    flown = fly(mission, flight.clock is Clock.realtime, flight.view.update, recorder if folder else None)
+    return Told(flown, save=partial(recorder.save, folder.trajectory) if folder else lambda: None)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsc_swarm.cli.app import ClockOption, JsonFile, RunFolder, announce_compiling, app, examples
+from rsc_swarm.cli.app import ClockOption, JsonFile, Overwrite, RunFolder, announce_compiling, app, examples
 from rsc_swarm.cli.options import Clock, MissionOptions, with_options
 
 if TYPE_CHECKING:
@@ -29,19 +29,20 @@ def world(
     clock: ClockOption = Clock.lockstep,
     json: JsonFile = None,
     run_dir: RunFolder = None,
+    overwrite: Overwrite = False,
     join_s: Annotated[float, typer.Option(min=1, help="How long to wait for all drones to arrive.")] = 120.0,
 ) -> None:
     """Run the world alone, for drones on other machines."""
     announce_compiling()
-    from rsc_swarm.cli.fly import fly_once
+    from rsc_swarm.cli.fly import Outputs, fly_once
 
     fly = partial(_fly, listen, credentials_dir, join_s)
-    again = {"listen": listen, "credentials_dir": credentials_dir}
-    raise typer.Exit(fly_once("world", fly, options, clock, json, run_dir, again))
+    again = {"listen": listen, "credentials_dir": credentials_dir.absolute()}
+    raise typer.Exit(fly_once("world", fly, options, clock, Outputs(json, run_dir, overwrite), again))
 
 
 def _fly(listen: list[str], credentials: Path, join_s: float, flight: "Flight") -> "Told":
-    from rsc_swarm.cli.fly import Told
+    from rsc_swarm.cli.fly import Told, told_unsaved
     from rsc_swarm.flight.launch import serve_world
 
     mission, place = flight.mission, flight.folder
@@ -52,4 +53,4 @@ def _fly(listen: list[str], credentials: Path, join_s: float, flight: "Flight") 
     flown, unsaved = serve_world(
         mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s
     )
-    return Told(flown, unsaved=unsaved)
+    return Told(flown, save=partial(told_unsaved, unsaved))

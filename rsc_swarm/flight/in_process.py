@@ -5,7 +5,6 @@ The outcome is the same whatever is watched or recorded, and the same as ``rsc-s
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -26,23 +25,22 @@ def fly(
     mission: Mission,
     realtime: bool = False,
     on_snapshot: Callable[[Snapshot], None] | None = None,
-    trajectory: Path | None = None,
+    recorder: Recorder | None = None,
 ) -> Flown:
     """Fly ``mission`` to its end.
 
     Args:
         realtime: no faster than the wall clock.
         on_snapshot: called about 8 times a second, and once at the end.
-        trajectory: where to save every drone's path.
+        recorder: keeps every drone's path.
 
-    Ctrl-C ends the flight as interrupted; what was flown is told and saved like any other.
+    Ctrl-C ends the flight as interrupted; what was flown is told like any other.
 
     Raises:
         world.field.FieldError, agent.policy.PolicyError: as Simulation.
     """
     simulation = Simulation([mission])
     core, director = simulation.world, simulation.director
-    recorder = Recorder(mission) if trajectory else None
     with leave_when_asked() as leave:
         first_tick_at, begin = time.time(), time.perf_counter()
         shown = -np.inf
@@ -65,6 +63,4 @@ def fly(
                 shown = now
                 on_snapshot(snapshot(core, dict(simulation.farewell()), director.clock * TICK_S / now))
         flown = director.flown(time.perf_counter() - begin, first_tick_at)
-        if recorder and trajectory:
-            recorder.save(trajectory)
     return flown

@@ -4,14 +4,12 @@ import hashlib
 import os
 import platform
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
-
-from agent.policy import files_of, find_policy
-from protocols.mission.document import Mission
 
 _ROOT = Path(__file__).resolve().parents[2]
 _GIT_S = 10.0
@@ -36,19 +34,14 @@ class Provenance(BaseModel):
     )
 
 
-def provenance(mission: Mission) -> Provenance:
-    """With what this mission would be flown here and now.
-
-    Raises:
-        agent.policy.PolicyError: its policy cannot be had.
-    """
-    files = files_of(find_policy(mission.policy, mission))
+def provenance(policy_files: Sequence[Path]) -> Provenance:
+    """With what would be flown here and now; ``policy_files`` are those of agent.policy.files_of."""
     return Provenance(
         **{name.replace("-", "_"): _version(name) for name in ("numpy", "numba", "onnxruntime")},
         version=_version("rsc-swarm"),
         commit=commit(),
         python=platform.python_version(),
-        policy_files={file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+        policy_files={file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in policy_files},
     )
 
 

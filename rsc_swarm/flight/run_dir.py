@@ -1,21 +1,26 @@
 """The run directory (``--run-dir``): everything about one flight in one place.
 
-    mission.yaml     the mission, every field; fly it with --mission
-    report.json      the report (docs/report.md)
+    mission.yaml     the mission, every field; fly it with --mission, from any folder
+    policy/          a policy that is a file of one's own, or a model file; mission.yaml names it there
+    report.json      the report (docs/report.md), with versions and the hashes of what lies in policy/
     report.txt       the same for people
     trajectory.npz   every drone's path (world.outlets.recorder)
     logs/            one file per process, of a launch
 
-A directory that already holds a flight is used again; one that holds anything else is refused.
+A directory that already holds a flight is used again only if that is asked for; one that holds anything else is refused.
 """
 
 import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
+from pydantic import TypeAdapter, ValidationError
 
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission
+from protocols.mission.policy_name import file_of, named_by
 from protocols.whole_file import write_whole
 from rsc_swarm.show.report import FlightReport
 
@@ -26,41 +31,74 @@ class RunDirError(SwarmError, RuntimeError):
     """The directory cannot be used; one line says why."""
 
 
+@dataclass(frozen=True)
+class Ended:
+    """Time of success, if there was one, and what else ended the flight."""
+
+    tau_s: float | None
+    failure: str | None
+
+
+_ENDED = TypeAdapter(Ended)
+
+
 class RunDir:
     """The directory of one flight."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.policy = path / "policy"
         self.mission = path / "mission.yaml"
         self.report = path / "report.json"
         self.text = path / "report.txt"
         self.trajectory = path / "trajectory.npz"
         self.logs = path / "logs"
 
-    def begin(self, mission: Mission) -> None:
-        """Make the directory, or empty it of an earlier flight, and write the mission.
+    def begin(self, mission: Mission, policy_files: Sequence[Path] = (), overwrite: bool = False) -> None:
+        """Make the directory, and write the mission and its policy.
+
+        Args:
+            policy_files: what decides what the policy does (agent.policy.files_of).
+            overwrite: empty the directory of an earlier flight.
 
         Raises:
-            RunDirError: the directory holds something else, or cannot be written.
+            RunDirError: the directory holds a flight or something else, or it cannot be written.
         """
+        named = file_of(mission.policy)
         try:
+            copies = _beside(Path(named), policy_files) if named else {}
             if self.path.exists() and not self.path.is_dir():
                 raise RunDirError(f"--run-dir {self.path}: is a file; give a directory")
             if self.path.is_dir() and any(self.path.iterdir()) and not self._is_ours():
                 raise RunDirError(
                     f"--run-dir {self.path}: holds other things than a flight; give an empty or new directory"
                 )
+            if not overwrite and any(kept.exists() for kept in (self.report, self.text, self.trajectory)):
+                raise RunDirError(
+                    f"--run-dir {self.path}: holds a flight already; give a new directory, or --overwrite"
+                )
             self.path.mkdir(parents=True, exist_ok=True)
             for old in (self.report, self.text, self.trajectory):
                 old.unlink(missing_ok=True)
-            shutil.rmtree(self.logs, ignore_errors=True)
+            for folder in (self.logs, self.policy):
+                shutil.rmtree(folder, ignore_errors=True)
             self.logs.mkdir()
+            if named:
+                self.policy.mkdir()
+                copied = named_by(mission.policy, self.policy.relative_to(self.path) / Path(named).name)
+                mission = mission.model_copy(update={"policy": copied})
             write_whole(self.mission, _MARK + mission_yaml(mission))
+            for name, content in copies.items():
+                write_whole(self.policy / name, content)
         except OSError as error:
             raise RunDirError(f"--run-dir {self.path}: cannot be written ({error.strerror})") from None
 
     def finish(self, report: FlightReport, text: str) -> None:
-        """Write the report, for programs and for people."""
+        """Write the report, for programs and for people.
+
+        Raises:
+            protocols.whole_file.WriteError: it cannot be written.
+        """
         write_whole(self.report, report.model_dump_json(indent=2) + "\n")
         write_whole(self.text, text)
 
@@ -75,12 +113,31 @@ class RunDir:
                 f"--run-dir {self.path}: no flight recorded here; simulate or launch with --run-dir makes one"
             )
 
+    def ended(self) -> Ended:
+        """How the flight in here ended; as interrupted if nobody came to write its report.
+
+        Raises:
+            RunDirError: the report is none.
+        """
+        if not self.report.is_file():
+            return Ended(None, "interrupted")
+        try:
+            return _ENDED.validate_json(self.report.read_bytes())
+        except (ValidationError, OSError):
+            raise RunDirError(f"{self.report}: is not the report of a flight") from None
+
     def _is_ours(self) -> bool:
         try:
             with self.mission.open(encoding="utf-8") as file:
                 return file.readline() == _MARK
         except (OSError, UnicodeDecodeError):
             return False
+
+
+def _beside(named: Path, files: Sequence[Path]) -> dict[str, bytes]:
+    """By name, the content of those of ``files`` that lie where the policy's file does."""
+    folder = named.absolute().parent
+    return {file.name: file.read_bytes() for file in files if file.absolute().parent == folder}
 
 
 def mission_yaml(mission: Mission) -> str:

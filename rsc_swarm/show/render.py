@@ -31,9 +31,8 @@ def render(report: FlightReport) -> RenderableType:
                 f"(a collision is less than {limit:g} m)."
             )
         )
-    return Group(
-        *lines, Text(), _figures(report), Text(), Text.assemble("Fly it again:  ", (report.again, "bold"))
-    )
+    again = Text.assemble("Fly it again:  ", (report.again, "bold"), no_wrap=True, overflow="ignore")
+    return Group(*lines, Text(), _figures(report), Text(), again)
 
 
 def _figures(report: FlightReport) -> Table:

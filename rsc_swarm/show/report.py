@@ -9,10 +9,12 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from agent.policy import files_of, find_policy
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.wire.frames import REASONS
 from protocols.wire.status import SWAP_COUNTS
+from rsc_swarm.flight.provenance import Provenance, provenance
 from world.outcome import Flown, Outcome
 
 Failure = Literal["collision", "late", "broken-invariant", "all-lost", "interrupted"]
@@ -127,7 +129,8 @@ class FlightReport(_Part):
         description="launch: memory of one drone's process (PSS), mean, MB"
     )
     watch: WatchCounts
-    again: str = Field(description="the command that flies this flight again")
+    flown_with: Provenance
+    again: str = Field(description="the command that flies this flight again, in any folder")
     mission: dict[str, Any] = Field(description="the mission, every field")
 
 
@@ -139,8 +142,9 @@ def report_of(
     again: str,
     first_tick_s: float | None = None,
     pss_mb_per_agent: float | None = None,
+    flown_with: Provenance | None = None,
 ) -> FlightReport:
-    """The report of ``flown``; ``again`` is the command that flies it once more."""
+    """The report of ``flown``; ``again`` is the command that flies it once more. flown_with: what is here now, if not given."""
     outcome = flown.outcome
     nearest = outcome.min_distance_m
     return FlightReport.model_validate(
@@ -163,6 +167,7 @@ def report_of(
             "first_tick_s": first_tick_s,
             "pss_mb_per_agent": pss_mb_per_agent,
             "watch": asdict(flown.watched),
+            "flown_with": flown_with or provenance(files_of(find_policy(mission.policy, mission))),
             "again": again,
             "mission": mission.model_dump(mode="json"),
         }

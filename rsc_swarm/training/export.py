@@ -1,7 +1,6 @@
 """A trained network as a model file: ONNX with everything a drone must know about it, checked against torch."""
 
 import os
-import subprocess
 import warnings
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from agent.policy.session import open_session
 from protocols.wire.frames import OBSERVATION_SIZE
 from rsc_swarm.batch.batch import NEIGHBOURS
 from rsc_swarm.batch.model_inputs import ModelInputs
+from rsc_swarm.flight.provenance import commit
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.network import PolicyNetwork
 
@@ -98,7 +98,7 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
         "replan": str(config.replan),
         "config": config.model_dump_json(),
         "seed": str(config.seed),
-        "commit": _commit(),
+        "commit": commit() or "unknown",
     }
 
 
@@ -113,15 +113,3 @@ def _difference(file: Path, model: ModelFile, recorded: ModelInputs, names: list
         float(np.abs(a - b.numpy()).max()) / max(1.0, float(b.abs().max()))
         for a, b in zip(said, meant, strict=True)
     )
-
-
-def _commit() -> str:
-    """The commit of the code that trained, or unknown outside a checkout."""
-    here = Path(__file__).parent
-    try:
-        asked = subprocess.run(
-            ["git", "rev-parse", "--short=12", "HEAD"], cwd=here, capture_output=True, text=True, check=False
-        )
-    except OSError:
-        return "unknown"
-    return asked.stdout.strip() or "unknown"

@@ -118,6 +118,20 @@ def test_a_policy_may_use_what_lies_beside_it(tmp_path: Path) -> None:
     assert files_of(policy) == (tmp_path / "homing.py", tmp_path / "my_gains.py")
 
 
+def test_what_lies_beside_it_is_its_own(tmp_path: Path) -> None:
+    """Two policies may each have a module of the same name beside them, and it may be edited."""
+    text = "from my_gains import GAIN\n" + HOMING.replace("+ 0.0", "+ GAIN")
+    seen: Any = SimpleNamespace(slot_error=np.zeros((6, 2)))
+
+    def flown(name: str, gain: float) -> float:
+        (tmp_path / name).mkdir(exist_ok=True)
+        (tmp_path / name / "my_gains.py").write_text(f"GAIN = {gain}\n")
+        return float(find_policy(written(tmp_path / name, text), MISSION).act(seen).max())
+
+    assert [flown("a", 1.0), flown("b", 2.0), flown("a", 3.25), flown("b", 2.0)] == [1.0, 2.0, 3.25, 2.0]
+    assert str(tmp_path / "a") not in sys.path
+
+
 def test_a_file_may_have_the_name_of_a_package_of_ours(tmp_path: Path) -> None:
     import agent
 

@@ -44,6 +44,26 @@ def test_a_full_disk_is_one_line_and_costs_only_the_new_file(
     assert os.listdir(tmp_path) == ["report.json"]
 
 
+def test_what_is_no_file_is_written_to_and_stays_what_it_is(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_whole(pipe, "all of it")
+    assert os.read(reader, 100) == b"all of it"
+    os.close(reader)
+    assert pipe.is_fifo()
+    with pytest.raises(WriteError, match=r"/dev/full: cannot be written \(No space left on device\)"):
+        write_whole(Path("/dev/full"), "x")
+    assert Path("/dev/full").is_char_device()
+
+
+def test_a_link_goes_on_leading_where_it_leads(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "report.json")
+    write_whole(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "report.json").read_text() == "new"
+
+
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(WriteError, match=r"nowhere/x: cannot be written \(No such file or directory\)"):
         write_whole(tmp_path / "nowhere" / "x", "")

@@ -1,8 +1,10 @@
 """The command line: exit codes, one-line errors, what goes to which stream, and a quick start."""
 
+import errno
 import json
 import os
 import pty
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,8 +15,10 @@ import pytest
 
 from rsc_swarm.cli import main as cli
 from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.show.report import FlightReport
 
+ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "rsc_swarm.cli.main"]
 
 
@@ -35,7 +39,7 @@ def run(monkeypatch, capsys):
 def test_a_successful_flight_exits_with_0_and_tells_it_on_stdout(run):
     code, out, err = run("simulate", "--agents", "1", "--set", "start.radius_m=0")
     assert code == 0
-    assert out.startswith("SUCCESS: the agent in formation")
+    assert out.startswith("SUCCESS: the agent beyond the goal line")
     assert out.splitlines()[-1] == "Fly it again:  rsc-swarm simulate --agents 1 --set start.radius_m=0"
     assert err.splitlines()[1].startswith("t   2.00 s")
 
@@ -53,14 +57,75 @@ def test_json_on_stdout_is_nothing_but_json(run):
     assert "FAILED (late)" in err
 
 
-def test_a_run_directory_and_a_json_file_tell_the_same(run, tmp_path):
+def test_a_run_directory_and_a_json_file_tell_the_same(run, tmp_path, monkeypatch):
     flight, file = tmp_path / "flight", tmp_path / "report.json"
     arguments = ("--agents", "4", "--set", "time_limit_s=0.3", "--json", str(file), "--run-dir", str(flight))
     assert run("simulate", *arguments)[0] == 1
     assert json.loads(file.read_text()) == json.loads((flight / "report.json").read_text())
-    code, out, _ = run("simulate", "--mission", str(flight / "mission.yaml"))
+    assert "policy" not in [path.name for path in flight.iterdir()], "a shipped model is found by its name"
+    again = json.loads(file.read_text())["again"]
+    assert again == f"rsc-swarm simulate --mission {flight / 'mission.yaml'}"
+    monkeypatch.chdir("/")
+    code, out, _ = run(*shlex.split(again)[1:])
     assert code == 1
     assert json.loads(file.read_text())["digest"] in out
+    code, _, err = run("simulate", *arguments)
+    assert (code, err) == (
+        2, f"rsc-swarm: --run-dir {flight}: holds a flight already; give a new directory, or --overwrite\n"
+    )  # fmt: skip
+    assert run("simulate", *arguments, "--overwrite")[0] == 1
+
+
+def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
+    arguments = ("simulate", "--agents", "4", "--set", "time_limit_s=0.3")
+    code, out, err = run(*arguments, "--json", "/dev/full", "--run-dir", str(tmp_path / "flight"))
+    assert code == 3
+    assert out.startswith("FAILED (late)")
+    assert err.splitlines()[-1] == "rsc-swarm: /dev/full: cannot be written (No space left on device)"
+    assert (tmp_path / "flight" / "report.json").is_file()
+    begun = RunDir.begin
+
+    def fill(*told: object, **more: object) -> None:
+        begun(*told, **more)
+        monkeypatch.setattr(os, "fsync", full)
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(RunDir, "begin", fill)
+    code, out, err = run(*arguments, "--run-dir", str(tmp_path / "other"))
+    assert code == 3
+    assert out.startswith("FAILED (late)")
+    for name in ("trajectory.npz", "report.json"):
+        assert f"rsc-swarm: {tmp_path}/other/{name}: cannot be written (No space left on device)\n" in err
+
+
+@pytest.mark.parametrize("name", ["agent", "world", "protocols"])
+def test_a_foreign_module_of_our_packages_names_is_named(name, tmp_path):
+    (tmp_path / f"{name}.py").write_text("")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    line = f"import {name} finds {tmp_path}/{name}.py instead of {ROOT}/{name}: rename it, or start from another folder"
+    command = [sys.executable, "-m", "rsc_swarm", "--version"]
+    said = subprocess.run(command, env=environment, capture_output=True, text=True, cwd="/")
+    assert (said.returncode, said.stdout, said.stderr.count("\n")) == (2, "", 1)
+    assert said.stderr.startswith(f"rsc-swarm: {line}")
+    said = subprocess.run(
+        [sys.executable, "-c", "import rsc_swarm as rs; rs.simulate"],
+        env=environment, capture_output=True, text=True, cwd="/",
+    )  # fmt: skip
+    assert said.stderr.splitlines()[-1].startswith(f"ImportError: {line}")
+
+
+def test_where_the_command_starts_a_foreign_module_is_named_too(tmp_path):
+    (tmp_path / "agent").mkdir()
+    (tmp_path / "agent" / "__init__.py").write_text("")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "rsc_swarm", "simulate"]
+    said = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tmp_path)
+    assert said.returncode == 2
+    assert said.stderr.startswith(
+        f"rsc-swarm: import agent finds {tmp_path}/agent/__init__.py instead of {ROOT}/agent"
+    )
 
 
 @pytest.mark.parametrize(

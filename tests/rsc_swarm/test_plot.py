@@ -19,6 +19,7 @@ from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
 from rsc_swarm.study.tables.rows import Paper
+from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory, TrajectoryError
 
 pytest.importorskip("matplotlib")
@@ -27,9 +28,10 @@ PNG = b"\x89PNG\r\n"
 
 
 def flown(tmp_path, mission: Mission) -> Track:
-    path = tmp_path / "trajectory.npz"
-    outcome = fly(mission, trajectory=path).outcome
-    return Track(mission, Trajectory.load(path), outcome.tau_s, outcome.failure)
+    recorder = Recorder(mission)
+    outcome = fly(mission, recorder=recorder).outcome
+    recorder.save(tmp_path / "trajectory.npz")
+    return Track(mission, Trajectory.load(tmp_path / "trajectory.npz"), outcome.tau_s, outcome.failure)
 
 
 def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
@@ -101,7 +103,9 @@ def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
     mission = Mission(agents=4, time_limit_s=0.5)
     folder = RunDir(tmp_path / "run")
     folder.begin(mission)
-    fly(mission, trajectory=folder.trajectory)
+    recorder = Recorder(mission)
+    fly(mission, recorder=recorder)
+    recorder.save(folder.trajectory)
     plot_command.run(MissionOptions(), tmp_path / "run.png", Subject(run_dir=folder.path))
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
     assert capsys.readouterr().out == f"{tmp_path / 'run.png'}: 4 drones: interrupted\n"

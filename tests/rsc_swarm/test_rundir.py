@@ -1,23 +1,41 @@
 """The directory a flight leaves behind, and which directories are left alone."""
 
+import hashlib
 import json
+import subprocess
+from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
+from agent.policy import files_of, find_policy
+from agent.policy.model_file import SHIPPED
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
 from rsc_swarm.flight.in_process import fly
-from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.flight.provenance import provenance
+from rsc_swarm.flight.run_dir import Ended, RunDir, RunDirError
 from rsc_swarm.show.render import plain, render
 from rsc_swarm.show.report import report_of
+from world.outlets.recorder import Recorder
 
+HOMING = """
+class Homing:
+    def __init__(self, mission):
+        pass
+
+    def act(self, seen):
+        return GAIN * seen.slot_error
+"""
 SMALL = Mission(agents=4, time_limit_s=1.0)
 
 
 def test_everything_about_the_flight_is_in_it(tmp_path):
     folder = RunDir(tmp_path / "new" / "flight")
     folder.begin(SMALL)
-    flown = fly(SMALL, trajectory=folder.trajectory)
+    recorder = Recorder(SMALL)
+    flown = fly(SMALL, recorder=recorder)
+    recorder.save(folder.trajectory)
     report = report_of(flown, SMALL, "simulate", "lockstep", "")
     folder.finish(report, plain(render(report)))
     assert parse_mission(read_mission_fields(folder.mission)) == SMALL
@@ -32,14 +50,66 @@ def test_everything_about_the_flight_is_in_it(tmp_path):
     ]  # fmt: skip
 
 
-def test_a_second_flight_replaces_the_first(tmp_path):
+def test_a_second_flight_replaces_the_first_only_if_that_is_asked_for(tmp_path):
     folder = RunDir(tmp_path)
     folder.begin(SMALL)
+    folder.begin(SMALL)  # nothing was flown
     folder.report.write_text("the first flight's")
     (folder.logs / "agent-3.log").write_text("the first flight's")
-    folder.begin(SMALL.model_copy(update={"map_seed": 9}))
+    with pytest.raises(RunDirError) as refused:
+        folder.begin(SMALL)
+    assert str(refused.value) == (
+        f"--run-dir {tmp_path}: holds a flight already; give a new directory, or --overwrite"
+    )
+    assert folder.report.read_text() == "the first flight's"
+    folder.begin(SMALL.model_copy(update={"map_seed": 9}), overwrite=True)
     assert not folder.report.exists()
     assert not list(folder.logs.iterdir())
+
+
+def test_a_policy_of_ones_own_lies_in_it_and_is_found_from_anywhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "homing.py").write_text("from my_gains_of_rundir import GAIN\n" + HOMING)
+    (tmp_path / "my_gains_of_rundir.py").write_text("GAIN = 1.0\n")
+    mission = SMALL.model_copy(update={"policy": "homing.py:Homing"})
+    folder = RunDir(tmp_path / "flights" / "1")
+    files = files_of(find_policy(mission.policy, mission))
+    folder.begin(mission, files)
+    first = fly(mission).outcome.digest
+    for file in files:
+        file.unlink()
+    monkeypatch.chdir("/")
+    kept = parse_mission(read_mission_fields(folder.mission))
+    assert kept.policy == f"{tmp_path}/flights/1/policy/homing.py:Homing"
+    assert fly(kept).outcome.digest == first
+    again = files_of(find_policy(kept.policy, kept))
+    assert provenance(files[:0]).policy_files == {}
+    folder.begin(kept, again, overwrite=True)  # into its own folder
+    assert parse_mission(read_mission_fields(folder.mission)) == kept
+    assert sorted(path.name for path in folder.policy.glob("*.py")) == ["homing.py", "my_gains_of_rundir.py"]
+
+
+def test_a_model_file_lies_in_it(tmp_path, monkeypatch):
+    path = tmp_path / "mine.onnx"
+    path.write_bytes((SHIPPED / "rsc-h10.onnx").read_bytes())
+    mission = SMALL.model_copy(update={"policy": str(path)})
+    folder = RunDir(tmp_path / "run")
+    folder.begin(mission, files_of(find_policy(mission.policy, mission)))
+    assert "policy: policy/mine.onnx\n" in folder.mission.read_text()
+    assert (folder.policy / "mine.onnx").read_bytes() == path.read_bytes()
+
+
+def test_a_report_says_with_what_it_was_flown(tmp_path):
+    path = SHIPPED / "rsc-h20.onnx"
+    told = provenance([path])
+    assert told.policy_files == {"rsc-h20.onnx": hashlib.sha256(path.read_bytes()).hexdigest()}
+    assert told.numba == numba.__version__
+    head = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True
+    )
+    if head.returncode == 0:
+        assert told.commit is not None
+        assert told.commit.removesuffix("-dirty") == head.stdout.strip()
 
 
 def test_other_things_are_never_touched(tmp_path):
@@ -54,13 +124,13 @@ def test_other_things_are_never_touched(tmp_path):
     assert (tmp_path / "thesis.tex").read_text() == "mine"
 
 
-def test_an_interrupted_flight_keeps_its_paths(tmp_path):
-    def stop(snapshot: object) -> None:
-        raise KeyboardInterrupt
-
-    path = tmp_path / "trajectory.npz"
-    with pytest.raises(KeyboardInterrupt):
-        fly(SMALL, on_snapshot=stop, trajectory=path)
-    with np.load(path) as saved:
-        assert 1 < len(saved["positions"]) < 101
-    assert [entry.name for entry in tmp_path.iterdir()] == ["trajectory.npz"]
+def test_a_report_that_is_none_is_named(tmp_path):
+    folder = RunDir(tmp_path)
+    folder.begin(SMALL)
+    assert folder.ended() == Ended(None, "interrupted"), "nobody came to write a report"
+    folder.report.write_text('{"tau_s": 1.5, "failure": null, "since": "another version"}')
+    assert folder.ended() == Ended(1.5, None)
+    for garbage in (b"", b"[]", b"\xff", b"[" * 100_000, b'{"tau_s": "x", "failure": 1e999}'):
+        folder.report.write_bytes(garbage)
+        with pytest.raises(RunDirError, match=rf"^{folder.report}: is not the report of a flight$"):
+            folder.ended()
