@@ -240,8 +240,20 @@ def test_help_and_version_answer_without_loading_anything_heavy():
     )
 
 
-def test_ctrl_c_stops_a_flight_cleanly_and_says_what_was_reached(tmp_path):
-    arguments = ["simulate", "--agents", "4", "--clock", "realtime", "--run-dir", str(tmp_path / "run")]
+@pytest.mark.parametrize(("verb", "stop"), [("simulate", signal.SIGINT), ("launch", signal.SIGTERM)])
+def test_a_stopped_flight_is_told_and_kept_like_any_other(tmp_path, verb, stop):
+    file = tmp_path / "report.json"
+    arguments = [
+        verb,
+        "--agents",
+        "4",
+        "--clock",
+        "realtime",
+        "--run-dir",
+        str(tmp_path / "run"),
+        "--json",
+        str(file),
+    ]
     process = subprocess.Popen(
         [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -249,12 +261,13 @@ def test_ctrl_c_stops_a_flight_cleanly_and_says_what_was_reached(tmp_path):
     for said in process.stderr:  # it may say first that it compiles
         if said.startswith("t "):
             break
-    process.send_signal(signal.SIGINT)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    process.send_signal(stop)
+    process.send_signal(stop)
+    out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert out.startswith("STOPPED: interrupted at t = ")
-    assert json.loads((tmp_path / "run" / "report.json").read_text())["failure"] == "interrupted"
+    assert json.loads(file.read_text())["failure"] == "interrupted"
+    assert file.read_text() == (tmp_path / "run" / "report.json").read_text()
     assert (tmp_path / "run" / "trajectory.npz").is_file()
 
 
