@@ -85,6 +85,24 @@ def test_who_gives_way_at_close_quarters_steps_to_the_same_hand_whatever_its_hea
         assert u_x * a_y - u_y * a_x < 0.0  # to the right of the heading
 
 
+def test_nobody_gives_way_to_one_behind():
+    ahead, behind = (
+        pair_term(1.1, 0.0, 0.0, 0.0, *AHEAD, GAINS),
+        pair_term(-1.1, 0.0, 0.0, 0.0, *AHEAD, GAINS),
+    )
+    assert ahead[1] < 0.0
+    assert behind == (-ahead[0], 0.0)
+
+
+def test_a_later_conflict_counts_less_by_its_time_constant():
+    gains = GAINS._replace(agent_brake=0.0)
+    soon, later = (pair_term(3.0 * s, -0.3, -3.0, 0.0, *AHEAD, gains) for s in (1.0, 1.5))
+    assert soon[1] == pytest.approx(
+        gains.predict_gain * 3.0 * (1.0 - 0.3 / gains.predict_radius) * math.exp(-1.0 / gains.predict_time)
+    )
+    assert later[1] / soon[1] == pytest.approx(math.exp(-0.5 / gains.predict_time))
+
+
 def test_neighbours_add_up_and_rows_beyond_the_count_are_not_read():
     rel = np.array([[0.9, 0.2], [-0.4, 1.0], [np.nan, np.nan]])
     vel = np.array([[-1.0, 0.0], [0.3, 0.4], [np.nan, np.nan]])
@@ -126,6 +144,15 @@ def test_a_side_once_chosen_holds_until_the_other_is_shorter_by_the_loyalty():
     assert choose_side(1, 1, rel, radius, side, *AHEAD, gains) == LEFT
     rel[0, 1] = 0.6  # by 1.2 m
     assert choose_side(1, 1, rel, radius, side, *AHEAD, gains) == RIGHT
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_a_cluster_takes_over_the_side_of_its_nearest_member(order):
+    near, far = (-2.5, 0.0, 1.0), (-4.0, 1.0, 1.0)
+    rel, radius, side = discs(*((near, far)[index] for index in order))
+    side[:] = [(LEFT, RIGHT)[index] for index in order]
+    assert choose_side(0b11, 2, rel, radius, side, *AHEAD, GAINS) == 0, "it lies behind"
+    assert side.tolist() == [LEFT, LEFT]
 
 
 def test_a_side_is_forgotten_once_the_obstacle_is_out_of_memory_range():

@@ -83,6 +83,12 @@ def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() ->
     assert memory.near_vel[0, 0].tolist() == [1.0, -1.0]
 
 
+def test_a_frame_is_believed_to_the_last_tick_of_its_time() -> None:
+    memory = heard(frame(sender=3, tick=470), frame(sender=4, tick=469))
+    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, 30, 6.0)
+    assert memory.near_id[0, : memory.near_count[0]].tolist() == [3]
+
+
 def test_one_heard_from_beyond_the_range_is_no_neighbour() -> None:
     memory = heard(
         frame(sender=3, tick=500, motion=(6.1, 0, 0, 0)), frame(sender=4, tick=500, motion=(0, 6.0, 0, 0))

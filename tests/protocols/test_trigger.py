@@ -131,7 +131,23 @@ def test_connected_asks_for_one_piece_of_radio_graph() -> None:
     assert affected_connected(1, 2, LINE.parent, slots, hops, rel, 6.0)
 
 
-def vacancy(me: int, silent_since: dict[int, int], places: list[float] | None = None) -> int:
+def test_the_leaders_of_both_slots_are_affected() -> None:
+    slots, rel, hops = np.arange(5), LINE.offsets - LINE.offsets[1], np.array([1, 0, 1, 2, 3])
+    apart = rel.copy()
+    apart[3, 0] = 20.0
+    for far in ((hops, apart), (np.array([1, 0, 1, UNKNOWN, 3]), rel)):
+        # Slots 2 and 4: the leader of 4 is 3.
+        assert not affected_connected(2, 4, LINE.parent, slots, *far, 6.0)
+        assert not affected_connected(4, 2, LINE.parent, slots, *far, 6.0)
+    assert affected_connected(0, 4, LINE.parent, slots, hops, 0.2 * rel, 6.0)
+    assert not affected_connected(0, 4, LINE.parent, slots, np.array([1, 0, 1, UNKNOWN, 3]), 0.2 * rel, 6.0)
+    assert not affected_connected(4, 0, LINE.parent, slots, np.array([1, UNKNOWN, 1, 2, 3]), 0.2 * rel, 6.0)
+    assert not affected_connected(0, 4, LINE.parent, slots, np.array([1, UNKNOWN, 1, 2, 3]), 0.2 * rel, 6.0)
+
+
+def vacancy(
+    me: int, silent_since: dict[int, int], places: list[float] | None = None, unseen: tuple[int, ...] = ()
+) -> int:
     """Whose slot drone ``me`` of a star of five takes at tick 1000, after 400 ticks of patience."""
     star = build_formation(np.array([(0.0, 0.0), (5.0, 0.0), (-5.0, 0.0), (0.0, 5.0), (0.0, -5.0)]), 5.0)
     points = star.offsets.copy()
@@ -141,6 +157,7 @@ def vacancy(me: int, silent_since: dict[int, int], places: list[float] | None = 
     slots = np.arange(5)
     rel = points - points[me]
     hops = np.where(slots == me, 0, 1)
+    hops[list(unseen)] = UNKNOWN
     ex, ey = star.offsets[me] - points[me]
     return int(
         vacancy_to_fill(
@@ -162,6 +179,12 @@ def test_the_closest_living_follower_takes_it() -> None:
     places = [0.0, 5.0, -3.0, 0.0, 0.0]
     assert [vacancy(me, {0: 0}, places) for me in range(1, 5)] == [NOBODY, 0, NOBODY, NOBODY]
     assert vacancy(1, {0: 0, 2: 0}, places) == 0, "a dead sibling stands in nobody's way"
+
+
+def test_a_sibling_of_whom_one_knows_no_place_stands_in_nobodys_way() -> None:
+    places = [0.0, 5.0, -3.0, 0.0, 0.0]
+    assert vacancy(1, {0: 0}, places) == NOBODY
+    assert vacancy(1, {0: 0}, places, unseen=(2,)) == 0
 
 
 def test_the_slot_of_a_silent_follower_stays_empty() -> None:
