@@ -127,8 +127,7 @@ def simulate(mission: Mission | Sequence[Mission]) -> Flight | list[Flight]:
     flown = fly(mission, recorder=recorder)
     if flown.outcome.failure == "interrupted":
         raise KeyboardInterrupt
-    again = shlex.join(["rsc-swarm", "simulate", *_settings(mission)])
-    report = report_of(flown, mission, "simulate", "lockstep", again)
+    report = report_of(flown, mission, "simulate", "lockstep", _again("simulate", mission))
     return Flight(mission, report, recorder.trajectory)
 
 
@@ -169,7 +168,7 @@ def launch(
             _raise(done)
         report = FlightReport.model_validate_json((folder / "report.json").read_text(encoding="utf-8"))
         if not run_dir:
-            report = report.model_copy(update={"again": shlex.join(["rsc-swarm", *words])})
+            report = report.model_copy(update={"again": _again("launch", mission, "--clock", clock)})
         return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))
 
 
@@ -182,10 +181,15 @@ def _raise(done: "subprocess.CompletedProcess[str]") -> None:
     raise MissionError(line) if done.returncode == ExitCode.BAD_USAGE else RunBroken(line)
 
 
+def _again(verb: str, mission: Mission, *more: str) -> str:
+    """The command that flies this mission again, in any folder."""
+    anywhere = mission.model_copy(update={"policy": from_folder(mission.policy, Path.cwd())})
+    return shlex.join(["rsc-swarm", verb, *_settings(anywhere), *more])
+
+
 def _settings(mission: Mission) -> list[str]:
     """The options that make this mission of the standard task."""
     words = []
-    mission = mission.model_copy(update={"policy": from_folder(mission.policy, Path.cwd())})
     for field, value in _leaves(mission.model_dump(mode="json", exclude_defaults=True)):
         text = (
             yaml.safe_dump(value, default_flow_style=True, width=float("inf")).removesuffix("...\n").strip()
