@@ -7,10 +7,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+from agent.body.relayed import RelayedWorld
 from agent.process import Drone
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire import messages
-from protocols.wire.messages import Bye, Hello, Ready, Tick, Wait, Welcome
+from protocols.wire.messages import Bye, Farewell, Hello, Ready, Reply, Tick, Wait, Welcome
 from world.outcome import Flown
 from world.outlets.snapshot import Snapshot
 from world.server.ports import Lost
@@ -20,12 +21,30 @@ Meddle = Callable[[int, int, bytes], list[bytes]]  # agent, tick, its reply -> w
 _NAP_S = 0.002
 
 
+class Hosted:
+    """A drone whose process is this one: a Tick in, a Reply out."""
+
+    def __init__(self, mission: Mission, agent: int, welcome: Welcome) -> None:
+        self.mission, self.world = mission, RelayedWorld(welcome.process)
+        self.drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, self.world, self.world)
+
+    def answer(self, asked: Tick) -> Reply:
+        """One tick."""
+        self.world.take(asked)
+        self.drone.act(asked.tick)
+        return self.world.reply()
+
+    def farewell(self) -> Farewell:
+        """Its last word."""
+        return self.world.farewell(self.drone.status())
+
+
 class Loopback:
     """Link and control of a `WorldServer` in one: drones answer at once, and do what is done to processes."""
 
     def __init__(self, mission: Mission, meddle: Meddle | None = None) -> None:
         self.mission = mission
-        self.drones: dict[int, Drone] = {}
+        self.drones: dict[int, Hosted] = {}
         self.gone: list[Lost] = []  # processes to be reported as ended
         self.stopped: set[int] = set()  # processes that are known to be stopped
         self.told: dict[int, int] = {}  # messages that each was sent
@@ -56,7 +75,7 @@ class Loopback:
         if agent not in self._alive:
             return
         if isinstance(message, Welcome) and message.process == self.process[agent]:
-            self.drones[agent] = Drone(parse_mission(message.mission), agent, message)
+            self.drones[agent] = Hosted(parse_mission(message.mission), agent, message)
             self.say(agent, messages.pack(Ready(message.process)))
         elif isinstance(message, Tick):
             self._tick = message.tick

@@ -18,8 +18,9 @@ from typing import Any
 
 import psutil
 
+from agent.body.relayed import WORLD_SILENT
 from agent.policy import PolicyError
-from agent.process import WORLD_SILENT, fly, rehearse
+from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode
 from protocols.mission.document import Mission, parse_mission

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from agent import process
 from agent import tick as cycle
-from agent.process import Drone, fly
+from agent.process import fly
 from protocols.mission.document import parse_mission
 from protocols.wire import messages
 from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, swarm_tag
@@ -30,6 +30,7 @@ from protocols.wire.messages import (
 from protocols.wire.sensed import SensedPacker, empty_sensed
 from rsc_swarm.flight.simulate import Simulation
 from tests import loopback
+from tests.loopback import Hosted
 
 MISSION = parse_mission({"agents": 6})
 ME, TAG = 2, swarm_tag("rsc")
@@ -43,8 +44,8 @@ def sensed() -> Any:
     return SensedPacker(rows).pack(0)
 
 
-def drone() -> Drone:
-    return Drone(MISSION, ME, WELCOME)
+def drone() -> Hosted:
+    return Hosted(MISSION, ME, WELCOME)
 
 
 def frames_of_a_flight(ticks: int = 30) -> list[bytes]:
@@ -80,7 +81,7 @@ def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[Reply], dict[str, 
     """A drone's answers to some ticks in a row, without its account of itself; what it has rejected."""
     one, times = drone(), range(NOW, NOW + ticks)
     said = [one.answer(ticked(tick, heard if tick == NOW else []))._replace(status=None) for tick in times]
-    return said, one.rejected
+    return said, one.drone.rejected
 
 
 DEAF = answers([])[0]
@@ -90,7 +91,7 @@ def test_a_frame_in_anothers_name_is_dropped() -> None:
     sources, heard = from_others(GOOD)
     one = drone()
     one.answer(Tick(NOW, sensed(), bytes(source + 1 for source in sources), heard))
-    assert one.rejected["sender"] == len(heard)
+    assert one.drone.rejected["sender"] == len(heard)
 
 
 def altered(place: int, value: Any, data: bytes = GOOD[0]) -> bytes:
@@ -166,7 +167,7 @@ def test_a_frame_from_the_past_or_the_future_is_stale() -> None:
     late.answer(ticked(NOW + 500, GOOD))
     early = drone()
     early.answer(ticked(NOW - 1, GOOD))
-    assert late.rejected == early.rejected == rejected(stale=5)
+    assert late.drone.rejected == early.drone.rejected == rejected(stale=5)
 
 
 def test_bad_frames_between_good_ones_take_nothing_from_them() -> None:
@@ -230,7 +231,7 @@ def test_whatever_neighbours_say_about_slots_a_drone_goes_on_and_holds_one(notes
     heard = [altered(5, note, frame) for note, frame in zip(notes, GOOD, strict=False)]
     one.answer(ticked(NOW, heard))
     assert 0 <= one.answer(ticked(NOW + 1, [])).slot < 6
-    assert sorted(one.status().view) == list(range(6))
+    assert sorted(one.drone.status().view) == list(range(6))
 
 
 def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None:
@@ -239,9 +240,9 @@ def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None
 
 
 def test_a_drone_that_begins_in_mid_flight_takes_nobody_for_dead() -> None:
-    one = Drone(MISSION, ME, WELCOME._replace(boot=1))
+    one = Hosted(MISSION, ME, WELCOME._replace(boot=1))
     one.answer(ticked(900, []))
-    assert one.core._memory.last_seen[0].tolist() == [900] * 6
+    assert one.drone._core._memory.last_seen[0].tolist() == [900] * 6
 
 
 class Script:

@@ -8,13 +8,12 @@ import msgpack
 import numpy as np
 import pytest
 
-from agent.process import Drone
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire import messages
 from protocols.wire.messages import Hello, Ready, Reply, Welcome
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from rsc_swarm.flight.simulate import simulate
-from tests.loopback import Loopback, fly
+from tests.loopback import Hosted, Loopback, fly
 from world.server import peer, running_time, session
 from world.server.ports import Lost
 from world.server.session import Clock, ServerError, WorldServer
@@ -398,8 +397,7 @@ def test_a_picture_tells_who_flies_and_who_is_frozen() -> None:
 def test_drones_get_the_mission_of_the_world() -> None:
     swarm = Loopback(mission(swarm="blue", policy="cruise"))
     WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
-    drone: Drone = swarm.drones[5]
-    assert drone.core.mission == swarm.mission
+    assert swarm.drones[5].mission == swarm.mission
 
 
 @pytest.mark.usefixtures("impatient")
@@ -425,7 +423,7 @@ def test_in_real_time_a_silent_drone_coasts_and_is_lost_after_a_while() -> None:
 def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on(clock: Clock) -> None:
     task = mission()
     swarm = Loopback(task)
-    minds: list[Drone] = []
+    minds: list[Hosted] = []
     died: list[int] = []
 
     def die_once(agent: int, tick: int, reply: bytes) -> list[bytes]:
@@ -446,4 +444,4 @@ def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on
     assert outcome.lost_agents == ()
     assert minds[0] is not minds[-1]
     assert [peer.boot for peer in world.peers] == [0, 0, 0, 1, 0, 0]
-    assert swarm.drones[3].tick == 59
+    assert swarm.drones[3].drone.tick == 59
