@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
 
@@ -13,6 +14,7 @@ import psutil
 import pytest
 
 from protocols.mission.document import Mission, MissionError
+from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.simulate import simulate
 from rsc_swarm.show.evaluation import render
 from rsc_swarm.show.render import plain
@@ -31,6 +33,8 @@ from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError, fing
 from rsc_swarm.study.workers import Flight, WorkerError, fly_all, fly_batch
 from tests.models import straight_on, written
 from world.field import FieldError
+from world.invariants import Watched
+from world.outcome import Outcome
 
 SHORT = Mission(agents=4, time_limit_s=0.5)
 SEEDS = seeds_of(1_000_000, 3, 2)
@@ -233,6 +237,35 @@ def test_success_is_measured_over_successes():
     assert row[0].startswith("| mission | N | policy | runs | S % |")
     assert row[2].startswith("| plain | 1 | rsc-h20 | 4 | 100.0 | 51.0-100.0 | 0.0 | 0.0 |")
     assert row[0].endswith("| held % |")
+
+
+def test_each_figure_is_over_the_flights_it_is_said_to_be_over():
+    won = Outcome(True, None, 1200, 12.0, 11.0, 0.01, 0.2, 1.5, "", None, 0.0, (), "a")
+    slow = replace(won, tau_s=14.0, formed_s=13.0, max_slot_error_m=0.4, min_distance_m=1.0)
+    hit = replace(won, success=False, failure="collision", tau_s=None, formed_s=9.0, min_distance_m=0.4)
+    late = replace(won, success=False, failure="late", tau_s=None, formed_s=None, max_slot_error_m=9.0)
+    quick = Watched(None, 0.1, 0.5, 0.25, True, 1, 0)
+    delays = (
+        quick,
+        replace(quick, agreed_after_s=2.0),
+        quick,
+        replace(quick, agreed_after_s=None, agreed=False),
+    )
+    flights = [
+        Flight(0, seed, outcome, watched, {**dict.fromkeys(SWAP_COUNTS, 0), "committed": seed})
+        for seed, (outcome, watched) in enumerate(zip((won, slow, hit, late), delays, strict=True))
+    ]
+    result = summarise(SHORT, flights, 4, "code")
+    assert (result.success_rate, result.collision_rate, result.noncollision_rate) == (0.5, 0.25, 0.25)
+    assert result.success_interval == pytest.approx((0.150039, 0.849961), abs=1e-6)
+    assert (result.tau_mean_s, result.tau_max_s) == (13.0, 14.0)
+    assert result.formed_mean_s == 11.0, "of the three that stood once"
+    assert result.slot_error_max_m == 0.4, "of successes"
+    assert (result.min_distance_m, result.min_distance_mean_m) == (0.4, pytest.approx(1.1)), "of all runs"
+    assert (result.agreed_in_1s_rate, result.agreed_after_max_s) == (0.5, 2.0)
+    assert (result.allowed_in_1s_rate, result.allowed_after_max_s) == (1.0, 0.25)
+    assert (result.disagreed, result.swaps_per_flight["committed"]) == (1, 1.5)
+    assert [(failed.seed, failed.failure) for failed in result.failures] == [(2, "collision"), (3, "late")]
 
 
 def test_the_journal_is_plain_text(tmp_path):

@@ -89,6 +89,16 @@ def test_a_policy_of_ones_own_lies_in_it_and_is_found_from_anywhere(tmp_path, mo
     assert sorted(path.name for path in folder.policy.glob("*.py")) == ["homing.py", "my_gains_of_rundir.py"]
 
 
+def test_what_lies_elsewhere_is_not_copied(tmp_path):
+    for name in ("homing.py", "elsewhere/homing.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    folder = RunDir(tmp_path / "run")
+    mission = SMALL.model_copy(update={"policy": f"{tmp_path}/homing.py:Homing"})
+    folder.begin(mission, [tmp_path / "homing.py", tmp_path / "elsewhere" / "homing.py"])
+    assert (folder.policy / "homing.py").read_text() == "homing.py"
+
+
 def test_a_model_file_lies_in_it(tmp_path, monkeypatch):
     path = tmp_path / "mine.onnx"
     path.write_bytes((SHIPPED / "rsc-h10.onnx").read_bytes())
