@@ -27,7 +27,7 @@ WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
 SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
 )
-MAX_HEARD = 96  # frames one drone can be handed in one tick
+MAX_HEARD = 1024  # frames one drone can be handed in one tick: of 249 others, some late and some twice
 MAX_PROCESS = 2**32 - 1
 _MAX_REPLY_BYTES = 65_535
 

@@ -91,6 +91,13 @@ def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:
     assert loopback.fly(parse_mission(task)).outcome == simulate([parse_mission(task)])[0]
 
 
+def test_a_drone_among_a_hundred_hears_them_all() -> None:
+    """Over bytes: the messages of such a crowd are longer than the transport carries, and travel in pieces."""
+    crowd = parse_mission({"agents": 100, "policy": "analytic", "radio": {"range_m": 100}})
+    short = crowd.model_copy(update={"time_limit_s": 0.05})
+    assert loopback.fly(short).outcome == simulate([short])[0]
+
+
 def test_twins_agree_when_a_model_flies(tmp_path: Path) -> None:
     """Each drone asks its model for itself; in one process one question is asked for all whose turn it is."""
     path = tmp_path / "random.onnx"
