@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import numpy as np
-from onnx import ModelProto, TensorProto, helper, numpy_helper, parser, save
+from onnx import ModelProto, TensorProto, helper, numpy_helper, parser
 
 from agent.observation import WIDE_SIZE
+from rsc_swarm.training.describe import describe
 
 PAST, NEIGHBOURS, SIZE = 3, 8, 18
 
@@ -42,7 +43,13 @@ def written(path: Path, horizon: int, body: str, /, **changes: str) -> Path:
     }}"""
     model = parser.parse_model(text)
     helper.set_model_props(model, metadata(horizon, **changes))
-    save(model, path)
+    return saved(path, model)
+
+
+def saved(path: Path, model: ModelProto) -> Path:
+    """Save a model with its note."""
+    path.write_bytes(model.SerializeToString())
+    describe(path)
     return path
 
 

@@ -21,7 +21,7 @@ from agent.policy.learned_kernel import (
     make_planner,
     take_plans,
 )
-from agent.policy.model_file import ModelFileError, read_model
+from agent.policy.model_file import ModelFileError, note_of, read_model
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
 
@@ -42,7 +42,7 @@ class Learned:
             self.model = read_model(path)
         except ModelFileError as error:
             raise PolicyError(f"policy: {error}") from None
-        self.files = (path,)
+        self.files = (path, note_of(path))
         facts, trajectory = self.model.facts, mission.trajectory
         self._replan = trajectory.replan_ticks or facts.replan
         if self._replan > facts.horizon:

@@ -53,7 +53,7 @@ def _deciding_files(mission: Mission) -> Iterator[Path]:
     for place in _DECIDING:
         path = _ROOT / place
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".onnx":
+            if file.is_file() and "__pycache__" not in file.parts and file.suffix not in (".onnx", ".json"):
                 yield file
     if mission.policy == EXPERT:
         yield from EXPERT_FILES

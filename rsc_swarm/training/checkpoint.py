@@ -3,7 +3,7 @@
 checkpoint.pt          weights, optimizer and curve after the last whole epoch
 samples/epoch-0003.pt  the graphs flown in an epoch, as long as the replay holds any of them
 curve.jsonl            one line of scalars per epoch; events.* are the same for TensorBoard
-model.onnx             at the end
+model.onnx, model.json at the end: the policy and its note
 """
 
 import json

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
+from agent.policy.model_file import note_of
 from rsc_swarm.batch.model_inputs import ModelInputs, model_inputs
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
@@ -41,7 +42,7 @@ def train(config: TrainingConfig, path: Path, device: str, threads: int | None, 
     state = folder.load()
     curve: list[Scalars] = state["curve"] if state else []
     watcher.begin(config, curve)
-    if len(curve) == config.epochs and folder.model.exists():
+    if len(curve) == config.epochs and folder.model.exists() and note_of(folder.model).exists():
         return folder.model
     _seed(config, 0)
     learner, replay = Learner(config, make_network(config).to(place)), Replay(config, place)

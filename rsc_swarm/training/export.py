@@ -1,8 +1,8 @@
-"""A trained network as a model file: ONNX with everything a drone must know about it, checked against torch."""
+"""A trained network as a model file, checked against torch, and its note with everything a drone must know about it."""
 
-import os
 import warnings
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import onnx
@@ -10,13 +10,15 @@ import torch
 from torch import Tensor, nn
 
 from agent.observation import WIDE_SIZE
-from agent.policy.model_file import FORMAT
+from agent.policy.model_file import FORMAT, note_of
 from agent.policy.session import open_session
+from protocols.whole_file import write_whole
 from protocols.wire.frames import OBSERVATION_SIZE
 from rsc_swarm.batch.batch import NEIGHBOURS
 from rsc_swarm.batch.model_inputs import ModelInputs
 from rsc_swarm.flight.provenance import commit
 from rsc_swarm.training.config import TrainingConfig, TrainingError
+from rsc_swarm.training.describe import describe
 from rsc_swarm.training.network import PolicyNetwork
 
 OPSET = 17
@@ -41,7 +43,7 @@ class ModelFile(nn.Module):
 
 
 def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs, path: Path) -> float:
-    """Write the model file; return its largest difference from torch on the recorded observations.
+    """Write the model file and its note; return its largest difference from torch on the recorded observations.
 
     Raises:
         TrainingError: the file's outputs differ from torch's by more than 1e-5, or that share of the largest where it is above 1.
@@ -54,32 +56,34 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     ]
     example += [torch.zeros(2, config.past, NEIGHBOURS), torch.zeros(2, 2), torch.zeros(2, WIDE_SIZE)]
     outputs = ["displacement", "acceleration"]
-    unfinished = path.with_name(path.name + ".part")
-    with warnings.catch_warnings():
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the newer exporter needs one more package and gains nothing here
+        exported = Path(folder) / "exported.onnx"
         torch.onnx.export(
             model.cpu(),
             tuple(example[: len(names)]),
-            unfinished,
+            exported,
             input_names=names,
             output_names=outputs,
             dynamic_axes={name: {0: "drones"} for name in names + outputs},
             opset_version=OPSET,
             dynamo=False,
         )
-    document = onnx.load(unfinished)
+        document = onnx.load(exported)
     for output in document.graph.output:  # the exporter cannot tell all their sizes
         _, steps, axes = output.type.tensor_type.shape.dim
         steps.dim_value, axes.dim_value = config.horizon, 2
     onnx.helper.set_model_props(document, metadata(config))
     onnx.checker.check_model(document)
-    onnx.save(document, unfinished)
-    difference = _difference(unfinished, model, recorded, names)
+    data = document.SerializeToString()
+    difference = _difference(data, model, recorded, names)
     if difference > TOLERANCE:
         raise TrainingError(
             f"{path}: the exported model differs from torch by {difference:.1e}; at most 1e-5"
         )
-    os.replace(unfinished, path)
+    note_of(path).unlink(missing_ok=True)  # it belongs to what was here before
+    write_whole(path, data)
+    describe(path)
     return difference
 
 
@@ -102,8 +106,8 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
     }
 
 
-def _difference(file: Path, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
-    session = open_session(file.read_bytes())
+def _difference(data: bytes, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
+    session = open_session(data)
     inputs = {name: getattr(recorded, name) for name in names}
     said = session.run(None, inputs)
     with torch.no_grad():

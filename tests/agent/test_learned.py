@@ -1,6 +1,7 @@
 """Learned policies: what the model is asked and when, and that its plans are flown as they are."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,13 +11,14 @@ import numpy as np
 import pytest
 
 from agent.policy import PolicyError, find_policy, policy_names, session
-from agent.policy.model_file import SHIPPED, shipped_models
+from agent.policy.model_file import SHIPPED, ModelFileError, note_of, shipped_models
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.frames import OBSERVATION_UNIT
 from rsc_swarm.flight.simulate import Simulation, simulate
+from rsc_swarm.training.describe import describe
 from tests import loopback
-from tests.models import random_model, straight_on, written
+from tests.models import random_model, saved, straight_on, written
 
 HORIZON = 10
 
@@ -120,7 +122,7 @@ def test_a_restarted_drone_plans_at_once_and_from_nothing(notebook: Notebook, mo
 
 def test_a_wide_model_gets_the_wide_view(notebook: Notebook, tmp_path: Path) -> None:
     path = tmp_path / "wide.onnx"
-    path.write_bytes(random_model(HORIZON, 8, wide=True).SerializeToString())
+    saved(path, random_model(HORIZON, 8, wide=True))
     around = {"discs": [[3, 0, 1]]}
     Simulation([task(path, agents=1, obstacles=around, start={"radius_m": 0})]).tick()
     (question,) = notebook.asked
@@ -220,7 +222,7 @@ def test_a_rows_plan_does_not_depend_on_the_rows_beside_it(name: str) -> None:
 )
 def test_a_drone_alone_and_all_together_fly_the_same_flight(tmp_path: Path, way: dict[str, Any]) -> None:
     path = tmp_path / "random.onnx"
-    path.write_bytes(random_model(20, 32, wide=True).SerializeToString())
+    saved(path, random_model(20, 32, wide=True))
     mission = task(path, time_limit_s=2.0, **way)
     assert loopback.fly(mission).outcome == simulate([mission])[0]
 
@@ -255,10 +257,33 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
 def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, share: float) -> None:
-    whole = random_model(HORIZON, 16).SerializeToString()
-    path = tmp_path / "cut.onnx"
+    path = saved(tmp_path / "cut.onnx", random_model(HORIZON, 16))
+    whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
-    assert refusal(path) == f"policy: {path}: is damaged, cut off, or no ONNX file at all"
+    why = f"policy: {path}: is not the file that its note cut.json was written for: damaged, cut off or exchanged; "
+    assert refusal(path).startswith(why)
+
+
+def test_a_model_without_its_note_is_refused(model: Path) -> None:
+    note_of(model).unlink()
+    assert refusal(model) == (
+        f"policy: {model}: its note still.json is not beside it; copy it too, or make it: "
+        f"python -m rsc_swarm.training.describe {model}"
+    )
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "other"}', "\xff", "[" * 100_000, "1e999"])
+def test_a_note_of_another_kind_is_refused(model: Path, text: str) -> None:
+    note_of(model).write_text(text, encoding="latin-1")
+    note = note_of(model)
+    assert refusal(model) == f"policy: {note}: is no note of a policy: it lacks format = rsc-swarm-policy"
+
+
+def test_the_notes_of_shipped_models_say_what_their_files_say(tmp_path: Path) -> None:
+    for name in shipped_models():
+        copy = shutil.copy(SHIPPED / f"{name}.onnx", tmp_path)
+        describe(Path(copy))
+        assert note_of(Path(copy)).read_text() == note_of(SHIPPED / f"{name}.onnx").read_text()
 
 
 @pytest.mark.parametrize(
@@ -267,7 +292,11 @@ def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, share: float) -> Non
 def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "other.onnx"
     path.write_bytes(content)
-    assert "no ONNX file at all" in refusal(path)
+    with pytest.raises(
+        ModelFileError, match=r"other.onnx: is damaged, cut off, or no ONNX file|lacks format"
+    ):
+        describe(path)
+    assert "its note other.json is not beside it" in refusal(path)
 
 
 @pytest.mark.parametrize(
@@ -275,7 +304,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> No
     [
         (
             {"format": "other"},
-            "is an ONNX file but no policy of this project: its metadata lack format = rsc-swarm-policy",
+            "is no note of a policy: it lacks format = rsc-swarm-policy",
         ),
         ({"version": "2"}, "cannot be flown by this version: version: input should be '1', not '2'"),
         ({"features": "9"}, "cannot be flown by this version: features: input should be '1', not '9'"),
@@ -293,8 +322,10 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> No
 def test_a_file_that_does_not_keep_its_word_is_refused(
     tmp_path: Path, changes: dict[str, str], why: str
 ) -> None:
-    path = written(tmp_path / "wrong.onnx", HORIZON, straight_on(HORIZON), **changes)
-    assert refusal(path).startswith(f"policy: {path}: {why}")
+    path = tmp_path / "wrong.onnx"
+    with pytest.raises(ModelFileError) as caught:
+        written(path, HORIZON, straight_on(HORIZON), **changes)
+    assert str(caught.value).startswith(f"{path}: {why}")
 
 
 def test_a_model_that_cannot_run_is_refused_when_it_is_opened(tmp_path: Path) -> None:

@@ -141,7 +141,10 @@ def test_a_file_may_have_the_name_of_a_package_of_ours(tmp_path: Path) -> None:
 
 def test_shipped_policies_are_files_only_where_they_are_models() -> None:
     assert files_of(find_policy("analytic", MISSION)) == ()
-    assert [path.name for path in files_of(find_policy("rsc-h20", MISSION))] == ["rsc-h20.onnx"]
+    assert [path.name for path in files_of(find_policy("rsc-h20", MISSION))] == [
+        "rsc-h20.onnx",
+        "rsc-h20.json",
+    ]
 
 
 @pytest.mark.parametrize(

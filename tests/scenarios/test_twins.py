@@ -11,7 +11,7 @@ from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.simulate import simulate
 from rsc_swarm.show.report import report_of
 from tests import loopback
-from tests.models import random_model
+from tests.models import random_model, saved
 from tests.scenarios.flights import Fields, launched, whole
 
 TWENTY_FIVE: Fields = {"agents": 25, "time_limit_s": 2.0, "start": {"scrambled": True}}
@@ -101,7 +101,7 @@ def test_a_drone_among_a_hundred_hears_them_all() -> None:
 def test_twins_agree_when_a_model_flies(tmp_path: Path) -> None:
     """Each drone asks its model for itself; in one process one question is asked for all whose turn it is."""
     path = tmp_path / "random.onnx"
-    path.write_bytes(random_model(20, 128, wide=True).SerializeToString())
+    saved(path, random_model(20, 128, wide=True))
     flown: Fields = {**SIX, "policy": str(path), "trajectory": {"replan_ticks": 10}}
     tasks = [
         flown,

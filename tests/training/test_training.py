@@ -191,6 +191,7 @@ def test_the_command_leaves_a_model_file_that_any_drone_can_read(tmp_path):
         "curve",
         "events",
         "model",
+        "model",
     ]
     again = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert again.stdout == first.stdout

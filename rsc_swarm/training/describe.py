@@ -1,0 +1,75 @@
+"""Write the note of a model file from the metadata inside it: ``python -m rsc_swarm.training.describe mine.onnx``.
+
+Whoever only flies needs none of this; it takes the ``onnx`` package.
+"""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+import onnx
+from google.protobuf.message import DecodeError
+
+from agent.policy.model_file import ModelFileError, ModelNote, Shapes, note_of, parse_note
+from protocols.errors import ExitCode, SwarmError
+from protocols.whole_file import write_whole
+
+
+def describe(path: Path) -> ModelNote:
+    """Check the model file ``path`` and write its note beside it.
+
+    Raises:
+        ModelFileError: it is missing, no policy of this project, or its inputs and outputs are not as its metadata say.
+        protocols.whole_file.WriteError: the note cannot be written.
+    """
+    try:
+        data = path.read_bytes()
+        document = onnx.load_from_string(data)
+    except OSError as error:
+        raise ModelFileError(f"{path}: cannot be read ({error.strerror})") from None
+    except DecodeError:
+        raise ModelFileError(f"{path}: is damaged, cut off, or no ONNX file at all") from None
+    metadata = {entry.key: entry.value for entry in document.metadata_props}
+    try:
+        note = parse_note(json.dumps({**metadata, "sha256": hashlib.sha256(data).hexdigest()}))
+        _compare(note.shapes, _shapes(document))
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error}") from None
+    write_whole(note_of(path), note.model_dump_json(indent=1) + "\n")
+    return note
+
+
+def _shapes(document: onnx.ModelProto) -> Shapes:
+    """Of all inputs and outputs; a dimension without a number is named: any number of drones."""
+    tensors = [*document.graph.input, *document.graph.output]
+    return {
+        tensor.name: tuple(size.dim_value for size in tensor.type.tensor_type.shape.dim) for tensor in tensors
+    }
+
+
+def _compare(wanted: Shapes, given: Shapes) -> None:
+    for name in sorted(wanted.keys() | given.keys()):
+        should, is_ = wanted.get(name), given.get(name)
+        if should != is_:
+            raise ModelFileError(f"{name}: should be {_told(should)}, but is {_told(is_)}")
+
+
+def _told(shape: tuple[int, ...] | None) -> str:
+    return "absent" if shape is None else f"({', '.join(str(size or 'B') for size in shape)})"
+
+
+def main() -> None:
+    """Describe the files named on the command line."""
+    try:
+        for name in sys.argv[1:]:
+            note = describe(Path(name))
+            print(f"{note_of(Path(name))}: {note.kind}, plans {note.horizon} ticks")
+    except SwarmError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)
+    sys.exit(ExitCode.SUCCEEDED)
+
+
+if __name__ == "__main__":
+    main()
