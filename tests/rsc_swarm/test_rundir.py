@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agent.policy import files_of, find_policy
-from agent.policy.model_file import SHIPPED
+from agent.policy.model_file import SHIPPED, note_of
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.provenance import provenance
@@ -101,12 +101,14 @@ def test_what_lies_elsewhere_is_not_copied(tmp_path):
 
 def test_a_model_file_lies_in_it(tmp_path, monkeypatch):
     path = tmp_path / "mine.onnx"
-    path.write_bytes((SHIPPED / "rsc-h10.onnx").read_bytes())
+    for file in (path, note_of(path)):
+        file.write_bytes((SHIPPED / f"rsc-h10{file.suffix}").read_bytes())
     mission = SMALL.model_copy(update={"policy": str(path)})
     folder = RunDir(tmp_path / "run")
     folder.begin(mission, files_of(find_policy(mission.policy, mission)))
     assert "policy: policy/mine.onnx\n" in folder.mission.read_text()
-    assert (folder.policy / "mine.onnx").read_bytes() == path.read_bytes()
+    for file in (path, note_of(path)):
+        assert (folder.policy / file.name).read_bytes() == file.read_bytes()
 
 
 def test_a_report_says_with_what_it_was_flown(tmp_path):
