@@ -4,7 +4,6 @@ import numpy as np
 
 from agent.control.gains import gains_for, limits_for
 from agent.tick_arrays import Rules, Shape
-from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.mission.formation import NO_PARENT
 from protocols.slots import trigger
@@ -20,8 +19,8 @@ def rules_of(mission: Mission) -> Rules:
         filtered=mission.safety_filter,
         connected=mission.swap.connected,
         swap_rule=trigger.RULES[mission.swap.rule],
-        memory_ticks=round(mission.radio.memory_s / TICK_S),
-        silent_ticks=round(mission.swap.silent_s / TICK_S),
+        memory_ticks=mission.memory_ticks,
+        silent_ticks=mission.silent_ticks,
         max_hops=mission.radio.hops,
         frame_every=mission.frame_every,
         range_m=mission.radio.range_m,

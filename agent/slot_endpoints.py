@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agent.radio.air import Air
 from agent.tick_arrays import Views, Work
-from protocols.dynamics import TICK_S
+from protocols.dynamics import ticks_of
 from protocols.mission.document import Mission
 from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapCounts, SwapRules
 from protocols.slots.highest_version import VersionedParty
@@ -56,9 +56,9 @@ class SlotEndpoint(Protocol):
 def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int) -> SlotEndpoint:
     """The side of drone ``me`` in the mission's protocol."""
     spec = mission.swap
-    answer = round(spec.answer_s / TICK_S)
+    answer = mission.answer_ticks
     rules = SwapRules(
-        cooldown_ticks=round(spec.cooldown_s / TICK_S),
+        cooldown_ticks=ticks_of(spec.cooldown_s),
         answer_ticks=answer,
         lock_ticks=2 * answer,
         retry_ticks=10,

@@ -10,7 +10,13 @@ import math
 from protocols.kernels import inlined_kernel, kernel
 
 TICK_S = 0.01  #: one tick of every clock, for everyone
+TICKS_PER_S = 100
 ABSURD_MPS2 = 1e6  # a component of a command beyond this is an error, not a wish: nobody follows it
+
+
+def ticks_of(seconds: float) -> int:
+    """The whole number of ticks nearest to so many seconds."""
+    return round(seconds / TICK_S)
 
 
 @kernel

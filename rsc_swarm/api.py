@@ -14,12 +14,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, overload
 
-import yaml
-
 from agent.policy import Policy, PolicyError, Seen
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
 from protocols.mission.policy_name import from_folder
+from protocols.mission.reading import write_value
 from rsc_swarm.cli.options import mission_path
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.launch import RunBroken
@@ -191,10 +190,7 @@ def _settings(mission: Mission) -> list[str]:
     """The options that make this mission of the standard task."""
     words = []
     for field, value in _leaves(mission.model_dump(mode="json", exclude_defaults=True)):
-        text = (
-            yaml.safe_dump(value, default_flow_style=True, width=float("inf")).removesuffix("...\n").strip()
-        )
-        words += ["--set", f"{field}={text}"]
+        words += ["--set", f"{field}={write_value(value)}"]
     return words
 
 

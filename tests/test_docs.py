@@ -14,7 +14,8 @@ from pydantic import BaseModel
 from typer.main import get_command
 
 import rsc_swarm as rs
-from protocols.mission.document import Fault, Mission, parse_mission
+from protocols.mission.document import Mission, parse_mission
+from protocols.mission.fault import Fault
 from rsc_swarm.cli.main import app
 from rsc_swarm.cli.options import shipped_missions
 from rsc_swarm.study.tables.markdown import page
@@ -130,7 +131,7 @@ def test_every_array_of_a_recorded_flight_is_told() -> None:
     text = (ROOT / "docs" / "recordings.md").read_text()
     told = re.findall(r"^\| `(\w+)` \| (.+?) \| (\w+) \|", text, re.MULTILINE)
     assert [name for name, _, _ in told] == [field.name for field in fields(Trajectory)]
-    flown = rs.simulate(rs.mission(agents=3, time_limit_s=0.1)).trajectory
+    flown = rs.simulate(rs.mission(agents=3, fly_s=0.1)).trajectory
     sizes = {"T": 11, "N": 3, "M": len(flown.obstacles)}
     for name, shape, kind in told:
         array = np.asarray(getattr(flown, name))

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.mission.document import Fault, Mission
+from protocols.mission.document import Mission
+from protocols.mission.fault import Fault
 
 EVERYONE = 0  # radio group while the swarm is not parted
 

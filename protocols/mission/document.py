@@ -1,38 +1,57 @@
 """The mission: everything that decides a flight, in one validated, frozen document.
 
 A mission file is YAML with the fields below; every field has a default, so an empty file is the standard task
-(docs/task.md). Units are in the names. A wrong mission is refused with the field and what would be right.
+(docs/task.md). Units are in the names; no text becomes a number, no number a truth. A wrong mission is refused with the field
+and what would be right: fields alone here and in
+protocols.mission.values, what they say about each other in protocols.mission.checks.
 """
 
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    Strict,
+    ValidationError,
+    model_validator,
+)
 
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, ticks_of
 from protocols.errors import SwarmError
+from protocols.mission import needs
+from protocols.mission.checks import check_mission
+from protocols.mission.fault import Fault
+from protocols.mission.findings import explain_as
 from protocols.mission.formation import Formation, build_formation, default_shape, shape_points
 from protocols.mission.policy_name import from_folder
-
-MAX_AGENTS = 250  # agent numbers travel as one byte
-
-Probability = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Point = tuple[float, float]
+from protocols.mission.reading import ReadingError, read_yaml_file, write_yaml
+from protocols.mission.values import (
+    LONGEST_S,
+    Count,
+    Flag,
+    Line,
+    NotNegative,
+    Number,
+    Number32,
+    Place,
+    Point,
+    Positive,
+    Probability,
+    Seconds,
+    Section,
+    Span,
+)
+from protocols.wire.keys import MAX_AGENTS, checked_swarm
 
 
 class MissionError(SwarmError, ValueError):
     """A mission that cannot be flown; the text is one line: the field, what is wrong, what would be right."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class FormationSpec(_Section):
+class FormationSpec(Section):
     """Shape of the formation. ``auto``: square if N allows one, else hollow triangle, else V."""
 
     shape: Literal["auto", "square", "triangle", "vee", "line", "custom"] = "auto"
@@ -40,7 +59,7 @@ class FormationSpec(_Section):
     slots_m: tuple[Point, ...] | None = Field(None, description="slot positions, only for shape custom")
 
 
-class Limits(_Section):
+class Limits(Section):
     """What a drone can do, and what counts as a collision."""
 
     acceleration_mps2: Positive = 10.0
@@ -48,28 +67,28 @@ class Limits(_Section):
     collision_m: Positive = 0.5
 
 
-class Target(_Section):
+class Target(Section):
     """The virtual target: starts at the origin and moves along +x."""
 
     speed_mps: NotNegative = 3.0
 
 
-class Start(_Section):
+class Start(Section):
     """Where the drones begin: slot offset plus a uniform draw from a disc, with a minimum gap between all."""
 
     radius_m: NotNegative = 5.0
     gap_m: Positive = 1.0
-    scrambled: bool = Field(False, description="drones take off from any pad: slots are given out at random")
+    scrambled: Flag = Field(False, description="drones take off from any pad: slots are given out at random")
 
 
-class Obstacles(_Section):
+class Obstacles(Section):
     """Discs drawn from the map seed, or exactly those of ``discs`` (x, y, radius)."""
 
-    count: tuple[int, int] = (3, 6)
-    x_m: tuple[float, float] = (15.0, 35.0)
-    y_m: tuple[float, float] = (-15.0, 15.0)
+    count: tuple[Count, Count] = (3, 6)
+    x_m: tuple[Place, Place] = (15.0, 35.0)
+    y_m: tuple[Place, Place] = (-15.0, 15.0)
     radius_m: tuple[Positive, Positive] = (1.0, 2.0)
-    discs: tuple[tuple[float, float, Positive], ...] | None = None
+    discs: tuple[tuple[Place, Place, Positive], ...] | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> "Obstacles":
@@ -84,29 +103,34 @@ class Obstacles(_Section):
         return self
 
 
-class Burst(_Section):
+class Burst(Section):
     """Gilbert-Elliott channel per directed link: in the bad state every frame is lost."""
 
     loss: Probability = Field(0.0, description="mean share of frames lost")
-    length_s: Positive = Field(0.3, description="mean length of a bad spell")
+    length_s: Annotated[Number, Field(ge=TICK_S, le=LONGEST_S)] = Field(
+        0.3, description="mean length of a bad spell"
+    )
 
 
-class Radio(_Section):
+class Radio(Section):
     """The medium between drones."""
 
     range_m: Positive = 6.0
-    hops: Annotated[int, Field(ge=1, le=3)] = 3
-    frame_rate_hz: Annotated[float, Field(gt=0, le=100)] = 100.0
-    memory_s: Positive = Field(0.5, description="how long a neighbour's last frame is believed")
+    hops: Annotated[Count, Field(ge=1, le=3)] = 3
+    frame_rate_hz: Annotated[Number, Field(gt=0, le=100)] = 100.0
+    memory_s: Span | None = Field(
+        None,
+        description="how long a neighbour's last frame is believed; none: 0.5 s, or until the next has come",
+    )
     loss: Probability = 0.0
     burst: Burst = Burst()
-    delay_ms: Annotated[float, Field(ge=0, le=500)] = 0.0
-    jitter_ms: Annotated[float, Field(ge=0, le=500)] = 0.0
+    delay_ms: Annotated[Number, Field(ge=0, le=500)] = 0.0
+    jitter_ms: Annotated[Number, Field(ge=0, le=500)] = 0.0
     duplicate: Probability = 0.0
     reorder: Probability = Field(0.0, description="share of frames held back behind later ones")
 
 
-class Sensing(_Section):
+class Sensing(Section):
     """What a drone's own sensors see. Obstacles count from their surface."""
 
     range_m: Positive = 6.0
@@ -114,10 +138,10 @@ class Sensing(_Section):
         "sensed",
         description="neighbours' positions from own sensors, or only from their frames (dead-reckoned)",
     )
-    obstacle_memory: bool = Field(True, description="an obstacle once seen is remembered")
+    obstacle_memory: Flag = Field(True, description="an obstacle once seen is remembered")
 
 
-class SwapSpec(_Section):
+class SwapSpec(Section):
     """Online reconfiguration. ``tree`` is the paper's rule (a follower and its leader); ``contact`` trades slots with
     any drone in radio contact when that shortens the summed squared distances to the two slots."""
 
@@ -127,13 +151,18 @@ class SwapSpec(_Section):
     ] = "contact"
     protocol: Literal["agreed", "highest-version"] = "agreed"
     margin_m: NotNegative = 0.5
-    connected: bool = Field(False, description="demand that all affected drones are linked by radio")
-    cooldown_s: Positive = Field(0.2, description="pause of both parties after a swap (the paper: 1 s)")
-    answer_s: Positive = 0.5
-    silent_s: Positive = Field(4.0, description="a drone unheard by everyone for this long has left its slot")
+    connected: Flag = Field(False, description="demand that all affected drones are linked by radio")
+    cooldown_s: Span = Field(0.2, description="pause of both parties after a swap (the paper: 1 s)")
+    answer_s: Span | None = Field(
+        None, description="how long a proposal waits; none: 0.5 s, or until an answer can have come"
+    )
+    silent_s: Span | None = Field(
+        None,
+        description="a drone unheard by everyone for this long has left its slot; none: 4 s, or as long as frames need",
+    )
 
 
-class Trajectory(_Section):
+class Trajectory(Section):
     """How a planned trajectory is flown; policies that plan nothing ignore it. ``required`` is the paper's inverse dynamics;
     ``blend`` its fusion with the reactive controller when something is nearer than ``blend_radius_m``."""
 
@@ -141,41 +170,11 @@ class Trajectory(_Section):
         "smooth",
         description="smooth: the plan's own acceleration, corrected; required: the paper's a_req",
     )
-    blend: bool = Field(True, description="the nearer an obstacle or drone, the more the reactive controller")
+    blend: Flag = Field(True, description="the nearer an obstacle or drone, the more the reactive controller")
     blend_radius_m: Positive = 2.5
-    replan_ticks: Annotated[int, Field(ge=1)] | None = Field(
+    replan_ticks: Annotated[Count, Field(ge=1, le=1000)] | None = Field(
         None, description="ticks from plan to plan; none: as the policy's model says"
     )
-
-
-class Fault(_Section):
-    """Something that happens to the swarm at a given time."""
-
-    at_s: NotNegative
-    kind: Literal["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover"]
-    agents: tuple[Annotated[int, Field(ge=0)], ...] = ()
-    slots: tuple[Annotated[int, Field(ge=0)], ...] = Field(
-        (), description="whoever holds these slots at the start"
-    )
-    groups: tuple[tuple[Annotated[int, Field(ge=0)], ...], ...] = Field(
-        (), description="for part: who hears whom"
-    )
-    factor: Annotated[float, Field(gt=0, le=1)] = Field(
-        0.5, description="for slow: share of the limits that is left"
-    )
-
-    @property
-    def at_tick(self) -> int:
-        """The tick at whose beginning it happens."""
-        return round(self.at_s / TICK_S)
-
-    @model_validator(mode="after")
-    def _complete(self) -> "Fault":
-        if self.kind == "part" and len(self.groups) < 2:
-            raise ValueError("groups: a part needs at least two groups of agents")
-        if self.kind not in ("part", "heal") and not (self.agents or self.slots):
-            raise ValueError(f"agents: name at least one agent (or slot) to {self.kind}")
-        return self
 
 
 @lru_cache(maxsize=64)  # missions that differ in their seeds share it
@@ -189,19 +188,19 @@ def _plan(spec: FormationSpec, agents: int) -> Formation:
     return build_formation(points, spec.spacing_m)
 
 
-class Mission(_Section):
+class Mission(Section):
     """One flight: who flies, in which formation, where, with which radio, and what goes wrong when."""
 
-    name: str = "plain"
-    swarm: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,30}$")] = "rsc"
-    agents: Annotated[int, Field(ge=1, le=MAX_AGENTS)] = 25
-    policy: str = "rsc-h20"
+    name: Annotated[Line, Field(max_length=200)] = "plain"
+    swarm: Annotated[str, Strict(), AfterValidator(checked_swarm)] = "rsc"
+    agents: Annotated[Count, Field(ge=1, le=MAX_AGENTS)] = 25
+    policy: Line = "rsc-h20"
     aim: Literal["slot", "chain"] = Field(
         "slot",
         description="slot: virtual target + own offset; chain: leader's position + offset (<= hops away)",
     )
-    detour: bool = Field(True, description="who is stopped by obstacles plans the shortest way around them")
-    safety_filter: bool = True
+    detour: Flag = Field(True, description="who is stopped by obstacles plans the shortest way around them")
+    safety_filter: Flag = True
     formation: FormationSpec = FormationSpec()
     limits: Limits = Limits()
     target: Target = Target()
@@ -212,24 +211,54 @@ class Mission(_Section):
     swap: SwapSpec = SwapSpec()
     trajectory: Trajectory = Trajectory()
     faults: tuple[Fault, ...] = ()
-    map_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    goal_x_m: float = Field(35.0, description="the line every drone must have passed (and every obstacle)")
-    edge_tolerance: Positive = 0.1
-    hold_s: NotNegative = Field(
+    map_seed: Number32 = 0
+    seed: Number32 = 0
+    goal_x_m: Place = Field(35.0, description="the line every drone must have passed (and every obstacle)")
+    edge_tolerance: Annotated[Number, Field(gt=0, le=1)] = 0.1
+    hold_s: Seconds = Field(
         0.0, description="fly on this long after success and report if the formation held"
     )
-    time_limit_s: Annotated[float, Field(gt=0, le=3600)] = 21.0
+    time_limit_s: Span | None = Field(
+        None,
+        description="after this a flight without success has failed; none: 21 s, or longer for a deeper formation",
+    )
+    fly_s: Span | None = Field(
+        None,
+        description="fly only the beginning: end the flight after this, even if success was out of reach by then",
+    )
+
+    @property
+    def limit_ticks(self) -> int:
+        """Ticks until a whole flight counts as failed."""
+        return ticks_of(needs.usual_limit_s(self) if self.time_limit_s is None else self.time_limit_s)
 
     @property
     def ticks(self) -> int:
-        """Ticks until the flight counts as failed."""
-        return round(self.time_limit_s / TICK_S)
+        """Ticks until this flight, or the beginning that is asked for, counts as failed."""
+        return self.limit_ticks if self.fly_s is None else min(self.limit_ticks, ticks_of(self.fly_s))
 
     @property
     def frame_every(self) -> int:
         """Ticks from one frame of a drone to its next."""
-        return max(1, round(1 / (self.radio.frame_rate_hz * TICK_S)))
+        return needs.frame_ticks(self.radio.frame_rate_hz)
+
+    @property
+    def memory_ticks(self) -> int:
+        """How long a neighbour's last frame is believed."""
+        usual = max(ticks_of(needs.USUAL_MEMORY_S), needs.memory_ticks(self.radio))
+        return usual if self.radio.memory_s is None else ticks_of(self.radio.memory_s)
+
+    @property
+    def answer_ticks(self) -> int:
+        """How long a proposal waits for its answer."""
+        usual = max(ticks_of(needs.USUAL_ANSWER_S), needs.answer_ticks(self.radio))
+        return usual if self.swap.answer_s is None else ticks_of(self.swap.answer_s)
+
+    @property
+    def silent_ticks(self) -> int:
+        """A drone unheard by everyone for this long has left its slot."""
+        usual = needs.usual_silence_ticks(self.radio, self.agents)
+        return usual if self.swap.silent_s is None else ticks_of(self.swap.silent_s)
 
     @property
     def plan(self) -> Formation:
@@ -238,63 +267,13 @@ class Mission(_Section):
 
     @model_validator(mode="after")
     def _flyable(self) -> "Mission":
-        spec = self.formation
-        if (spec.shape == "custom") != (spec.slots_m is not None):
-            raise ValueError(
-                "formation.slots_m: give slot positions together with shape: custom, and only then"
-            )
-        if spec.slots_m is not None and len(spec.slots_m) != self.agents:
-            raise ValueError(
-                f"agents: {self.agents}, but formation.slots_m has {len(spec.slots_m)} slots; make them equal"
-            )
-        if spec.spacing_m < 2 * self.limits.collision_m:
-            raise ValueError(
-                f"formation.spacing_m: {spec.spacing_m:g} m is too close for limits.collision_m = "
-                f"{self.limits.collision_m:g} m; give at least {2 * self.limits.collision_m:g}"
-            )
-        if self.radio.range_m < spec.spacing_m:
-            raise ValueError(
-                f"radio.range_m: {self.radio.range_m:g} m is shorter than the formation's edges "
-                f"({spec.spacing_m:g} m); give at least {spec.spacing_m:g}"
-            )
-        try:
-            _ = self.plan
-        except ValueError as error:
-            field = "formation.slots_m" if spec.shape == "custom" else "agents"
-            raise ValueError(f"{field}: {error}") from None
-        for index, fault in enumerate(self.faults):
-            named = [*fault.agents, *fault.slots, *(agent for group in fault.groups for agent in group)]
-            if any(agent >= self.agents for agent in named):
-                raise ValueError(
-                    f"faults.{index}: there is no agent or slot {max(named)}; numbers go from 0 to {self.agents - 1}"
-                )
+        check_mission(self)
         return self
 
 
 def explain(error: ValidationError) -> str:
-    """Pydantic's findings as one line: field, what is wrong, what would be right."""
-    findings = []
-    for item in error.errors():
-        field = ".".join(str(part) for part in item["loc"])
-        text = item["msg"].removeprefix("Value error, ")
-        if item["type"] == "extra_forbidden":
-            text = f"unknown field; known here: {', '.join(_known_fields(item['loc'][:-1]))}"
-        else:
-            text = text[0].lower() + text[1:]
-            if "input" in item and not item["type"].startswith("value_error"):
-                text += f", not {item['input']!r}"
-        findings.append(f"{field}: {text}" if field else text)
-    return "; ".join(findings)
-
-
-def _known_fields(place: tuple[int | str, ...]) -> list[str]:
-    model: Any = Mission
-    for part in place:
-        if isinstance(part, int):
-            continue
-        annotation = model.model_fields[part].annotation
-        model = Fault if part == "faults" else annotation
-    return sorted(model.model_fields)
+    """Pydantic's findings about a mission as one line: field, what is wrong, what would be right."""
+    return explain_as(Mission, error)
 
 
 def parse_mission(fields: dict[str, Any], source: str = "mission") -> Mission:
@@ -317,21 +296,14 @@ def read_mission_fields(path: Path) -> dict[str, Any]:
         MissionError: the file is missing, unreadable, or not a YAML mapping.
     """
     try:
-        fields = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MissionError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise MissionError(f"{path}: is not UTF-8 text; give a YAML mission") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise MissionError(f"{path}: is not valid YAML{where} ({getattr(error, 'problem', error)})") from None
-    if fields is None:
-        return {}
-    if not isinstance(fields, dict):
-        raise MissionError(
-            f"{path}: must be a mapping of fields such as 'agents: 25', not a {type(fields).__name__}"
-        )
+        fields = read_yaml_file(path)
+    except ReadingError as error:
+        raise MissionError(str(error)) from None
     if isinstance(fields.get("policy"), str):
         fields["policy"] = from_folder(fields["policy"], path.parent)
     return fields
+
+
+def mission_yaml(mission: Mission) -> str:
+    """The mission as YAML, every field; reading it gives an equal mission."""
+    return write_yaml(mission.model_dump(mode="json"))

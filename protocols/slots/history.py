@@ -25,8 +25,7 @@ from collections.abc import Iterable, Sequence
 from hashlib import blake2b
 from typing import NamedTuple
 
-MAX_AGENTS = 255
-"""Agents and slots are numbered below this, so that either fits a byte."""
+from protocols.wire.keys import MAX_AGENTS
 
 _MASK = (1 << 64) - 1
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from protocols.errors import BrokenError
 
-MAX_AGENTS = 255
+MAX_AGENTS = 250  # agent numbers travel as one byte
 LEASE_MS = (
     24 * 3_600_000
 )  # Zenoh would otherwise take who is stopped for ten seconds for gone, and lose what was under way

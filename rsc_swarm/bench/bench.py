@@ -68,7 +68,7 @@ def bench(
     figures |= bench_batch(agents, quick)
     for size, runs in ((agents, 5), (_LARGE, 3)):
         say(f"{size} drones in {size} processes, and the bare echo")
-        mission = Mission(agents=size, time_limit_s=5.0) if quick and size == _LARGE else Mission(agents=size)
+        mission = Mission(agents=size, fly_s=5.0) if quick and size == _LARGE else Mission(agents=size)
         figures[f"flights_{size}"] = _flights(mission, 1 if quick else runs)
     say("the policy's model")
     return figures | _model_call()  # last: a process that has opened a model must not fork
@@ -189,7 +189,7 @@ def _alone(agents: int) -> dict[str, Any]:
             folder / "agent-0.json",
             f"unixsock-stream/{folder}/world.sock",
         )
-        short = ["--agents", str(agents), "--set", "time_limit_s=0.5", "--json", str(report)]
+        short = ["--agents", str(agents), "--set", "fly_s=0.5", "--json", str(report)]
         subprocess.run(
             [sys.executable, "-m", "rsc_swarm", "launch", *short], capture_output=True, check=False
         )

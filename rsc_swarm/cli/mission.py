@@ -29,9 +29,10 @@ def mission(
             print(f"{name:<16} {about(name)}")
         return
     from agent.policy import find_policy
+    from protocols.dynamics import TICK_S
+    from protocols.mission.document import mission_yaml
     from protocols.mission.formation import default_shape
     from protocols.mission.policy_name import from_folder
-    from rsc_swarm.flight.run_dir import mission_yaml
     from world.field import draw_obstacles, draw_start
 
     made = resolve(options)
@@ -40,7 +41,10 @@ def mission(
     asked = made.formation.shape
     shape = default_shape(made.agents) if asked == "auto" else asked
     if check:
-        print(f"{options.mission or 'mission'}: can be flown by {made.agents} agents, formation {shape}")
+        print(
+            f"{options.mission or 'mission'}: can be flown by {made.agents} agents, formation {shape}, "
+            f"within {made.ticks * TICK_S:g} s"
+        )
     else:
         named = from_folder(made.policy, Path.cwd())  # the file may be written anywhere
         sys.stdout.write(mission_yaml(made.model_copy(update={"policy": named})))
@@ -48,12 +52,10 @@ def mission(
 
 def about(name: str) -> str:
     """What a shipped mission is, from its first comment line."""
-    import yaml
-
-    from protocols.mission.document import MissionError
+    from protocols.mission.document import MissionError, read_mission_fields
 
     path = SHIPPED / f"{name}.yaml"
     first = path.read_text(encoding="utf-8").splitlines()[0]
-    if not first.startswith("# ") or not isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), dict):
+    if not first.startswith("# ") or not read_mission_fields(path):
         raise MissionError(f"{path}: must begin with a comment that says what it is")
     return first.removeprefix("# ")

@@ -243,17 +243,16 @@ def mission_path(name: str) -> Path:
 
 
 def _setting(text: str) -> tuple[str, Any]:
-    import yaml
-
     from protocols.mission.document import MissionError
+    from protocols.mission.reading import ReadingError, read_yaml
 
     field, equals, value = text.partition("=")
     if not equals or not re.fullmatch(r"\w+(\.\w+)*", field):
         raise MissionError(f"--set {text}: write FIELD=VALUE, for example --set radio.memory_s=1")
     try:
-        return field, yaml.safe_load(value)
-    except yaml.YAMLError:
-        raise MissionError(f"--set {text}: the value is not valid YAML") from None
+        return field, read_yaml(value)
+    except ReadingError as error:
+        raise MissionError(f"--set {field}: the value {error}") from None
 
 
 def _put(document: dict[str, Any], field: str, value: Any) -> None:

@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from protocols.errors import SwarmError
-from protocols.mission.document import Mission
+from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.policy_name import file_of, named_by
 from protocols.whole_file import write_whole
 from rsc_swarm.show.report import FlightReport
@@ -138,10 +137,3 @@ def _beside(named: Path, files: Sequence[Path]) -> dict[str, bytes]:
     """By name, the content of those of ``files`` that lie where the policy's file does."""
     folder = named.absolute().parent
     return {file.name: file.read_bytes() for file in files if file.absolute().parent == folder}
-
-
-def mission_yaml(mission: Mission) -> str:
-    """The mission as YAML, every field."""
-    return yaml.safe_dump(
-        mission.model_dump(mode="json"), sort_keys=False, width=110, default_flow_style=None
-    )

@@ -11,16 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from protocols.dynamics import TICK_S
 from protocols.errors import SwarmError
-from protocols.mission.document import (
-    MissionError,
-    NotNegative,
-    Positive,
-    Probability,
-    explain,
-    read_mission_fields,
-)
+from protocols.mission.findings import explain_as
+from protocols.mission.reading import ReadingError, read_yaml_file
+from protocols.mission.values import Count as Whole
+from protocols.mission.values import Flag, NotNegative, Number, Positive, Probability
 
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[Whole, Field(ge=1)]
 PAST = 3  # past steps that are recorded
 
 
@@ -35,27 +31,27 @@ class TrainingConfig(BaseModel):
 
     # The policy.
     kind: Literal["rsc", "stgnn"] = "rsc"
-    horizon: Annotated[int, Field(ge=1, le=100)] = Field(20, description="planned steps H, 10 ms each")
+    horizon: Annotated[Whole, Field(ge=1, le=100)] = Field(20, description="planned steps H, 10 ms each")
     replan_ticks: Count | None = Field(None, description="ticks between plans when flown; H if not given")
     output: Literal["knots", "raw", "action"] = Field(
         "knots",
         description="knots: an acceleration, piecewise linear over the horizon; raw: H x 2 displacements (the paper); "
         "action: the acceleration of one tick",
     )
-    knots: Annotated[int, Field(ge=2, le=20)] = Field(
+    knots: Annotated[Whole, Field(ge=2, le=20)] = Field(
         4, description="knots of the acceleration; one at H = 1"
     )
     extra: Literal["none", "wide"] = Field(
         "wide", description="wide: four obstacles, five neighbours besides X_i"
     )
-    past: Annotated[int, Field(ge=1, le=PAST)] = Field(PAST, description="past steps L")
-    width: Annotated[int, Field(ge=4, le=1024)] = 128
+    past: Annotated[Whole, Field(ge=1, le=PAST)] = Field(PAST, description="past steps L")
+    width: Annotated[Whole, Field(ge=4, le=1024)] = 128
     heads: Count = 4
     feedforward: Count = 256
-    dropout: Annotated[float, Field(ge=0, lt=1)] = Field(0.0, description="of the local-formation stream")
+    dropout: Annotated[Number, Field(ge=0, lt=1)] = Field(0.0, description="of the local-formation stream")
 
     # What is flown for the data.
-    agents: Annotated[int, Field(ge=2, le=100)] = 25
+    agents: Annotated[Whole, Field(ge=2, le=100)] = 25
     hard_share: Probability = Field(
         0.65, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
     )
@@ -76,10 +72,12 @@ class TrainingConfig(BaseModel):
     replay: Count = Field(200_000, description="graphs that are kept; the oldest go first")
     batch: Count = Field(40, description="graphs per update")
     learning_rate: Positive = 5e-4
-    cosine: bool = Field(True, description="the learning rate falls to zero as a cosine")
+    cosine: Flag = Field(True, description="the learning rate falls to zero as a cosine")
     weight_decay: NotNegative = Field(0.05, description="l2, apart from the gradient (AdamW)")
-    averaging: Annotated[float, Field(ge=0, lt=1)] = Field(0.999, description="decay of the averaged weights")
-    mirror: bool = Field(
+    averaging: Annotated[Number, Field(ge=0, lt=1)] = Field(
+        0.999, description="decay of the averaged weights"
+    )
+    mirror: Flag = Field(
         True, description="half of all graphs are learned as seen in a mirror along the motion"
     )
     position_weight: NotNegative = 1.0
@@ -89,8 +87,8 @@ class TrainingConfig(BaseModel):
         description="errors beyond this count by their size instead of its square (Huber); none: all by squares",
     )
     clip: Positive = Field(1.0, description="longest gradient; a longer one is shortened to it")
-    bfloat16: bool = Field(True, description="multiply in bfloat16 where the processor can")
-    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    bfloat16: Flag = Field(True, description="multiply in bfloat16 where the processor can")
+    seed: Annotated[Whole, Field(ge=0, lt=2**31)] = 0
 
     @property
     def name(self) -> str:
@@ -166,16 +164,12 @@ def make_config(preset: str, file: Path | None, **given: Any) -> TrainingConfig:
     if preset not in PRESETS:
         raise TrainingError(f"--preset {preset}: no such preset; known: {', '.join(PRESETS)}")
     try:
-        written = read_mission_fields(file) if file else {}
-    except MissionError as error:
+        written = read_yaml_file(file) if file else {}
+    except ReadingError as error:
         raise TrainingError(str(error)) from None
     given = {name: value for name, value in given.items() if value is not None}
     source = f"{file}: " if file else ""
-    if unknown := sorted({*written, *given} - set(TrainingConfig.model_fields)):
-        raise TrainingError(
-            f"{source}{unknown[0]}: unknown field; known here: {', '.join(sorted(TrainingConfig.model_fields))}"
-        )
     try:
         return TrainingConfig.model_validate({**PRESETS[preset], **written, **given})
     except ValidationError as error:
-        raise TrainingError(source + explain(error)) from None
+        raise TrainingError(source + explain_as(TrainingConfig, error)) from None

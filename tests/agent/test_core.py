@@ -14,7 +14,7 @@ from rsc_swarm.flight.simulate import Simulation, simulate
 
 
 def mission(**fields: Any) -> Mission:
-    return parse_mission({"agents": 6, "time_limit_s": 2.0, "obstacles": {"discs": []}, **fields})
+    return parse_mission({"agents": 6, "fly_s": 2.0, "obstacles": {"discs": []}, **fields})
 
 
 def flown(task: Mission, ticks: int) -> Simulation:
@@ -55,7 +55,7 @@ def test_the_safety_filter_can_be_left_out() -> None:
         "policy": "cruise",
         "start": {"radius_m": 0},
         "obstacles": {"discs": [[16, 0.1, 1.5]]},
-        "time_limit_s": 8.0,
+        "fly_s": 8.0,
     }
     assert simulate([mission(**fields, safety_filter=False)])[0].failure == "collision"
     assert simulate([mission(**fields)])[0].failure != "collision"
@@ -117,10 +117,10 @@ def test_a_restarted_row_knows_nothing_and_learns_its_slot_from_the_others() -> 
 
 
 def test_a_swarm_that_only_hears_its_neighbours_flies_too() -> None:
-    outcome = simulate([mission(sensing={"neighbours": "heard"}, time_limit_s=21.0)])[0]
+    outcome = simulate([mission(sensing={"neighbours": "heard"}, fly_s=21.0)])[0]
     assert outcome.success, outcome
 
 
 def test_a_swarm_that_follows_its_leaders_flies_too() -> None:
-    outcome = simulate([mission(aim="chain", time_limit_s=21.0)])[0]
+    outcome = simulate([mission(aim="chain", fly_s=21.0)])[0]
     assert outcome.success, outcome

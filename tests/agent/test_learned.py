@@ -223,7 +223,7 @@ def test_a_rows_plan_does_not_depend_on_the_rows_beside_it(name: str) -> None:
 def test_a_drone_alone_and_all_together_fly_the_same_flight(tmp_path: Path, way: dict[str, Any]) -> None:
     path = tmp_path / "random.onnx"
     saved(path, random_model(20, 32, wide=True))
-    mission = task(path, time_limit_s=2.0, **way)
+    mission = task(path, fly_s=2.0, **way)
     assert loopback.fly(mission).outcome == simulate([mission])[0]
 
 

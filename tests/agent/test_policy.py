@@ -209,14 +209,14 @@ def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_policy_that_goes_wrong_in_flight_is_named(tmp_path: Path, body: str, line: str) -> None:
     name = written(tmp_path, HOMING.replace("return seen.slot_error + 0.0", body))
     with pytest.raises(PolicyError) as caught:
-        simulate([task(name, time_limit_s=0.1)])
+        simulate([task(name, fly_s=0.1)])
     assert str(caught.value) == line.format(name=name, file=tmp_path / "homing.py")
 
 
 def test_the_line_is_one_of_the_policys_own_even_if_a_library_raised(tmp_path: Path) -> None:
     text = "import json\n" + HOMING.replace("return seen.slot_error + 0.0", "return json.loads('{')")
     with pytest.raises(PolicyError, match=r"raised JSONDecodeError: .* at .*homing\.py:8 \(act\)$"):
-        simulate([task(written(tmp_path, text), time_limit_s=0.1)])
+        simulate([task(written(tmp_path, text), fly_s=0.1)])
 
 
 @pytest.mark.parametrize("method", ["open", "forget"])
@@ -226,7 +226,7 @@ def test_its_other_methods_are_named_too(tmp_path: Path, method: str) -> None:
     )
     fault = {"at_s": 0.02, "kind": "restart", "agents": [2]}
     with pytest.raises(PolicyError, match=rf"raised OSError: no camera at .*homing\.py:10 \({method}\)$"):
-        simulate([task(name, time_limit_s=0.1, faults=[fault])])
+        simulate([task(name, fly_s=0.1, faults=[fault])])
 
 
 def test_what_a_policy_returns_is_its_own(tmp_path: Path) -> None:
@@ -257,7 +257,7 @@ def test_a_users_policy_decides_the_flight() -> None:
 @pytest.mark.parametrize("filtered", [True, False])
 def test_a_policy_that_wants_nonsense_is_not_followed(filtered: bool) -> None:
     # Far apart, so that the safety filter has nothing to say.
-    fields = {"start": {"radius_m": 0}, "safety_filter": filtered, "time_limit_s": 0.3}
+    fields = {"start": {"radius_m": 0}, "safety_filter": filtered, "fly_s": 0.3}
     simulation = Simulation([task("tests.agent.example_policy:Nonsense", **fields)])
     start = simulation.world.position.copy()
     while simulation.world.active.any():

@@ -235,7 +235,7 @@ def test_whatever_neighbours_say_about_slots_a_drone_goes_on_and_holds_one(notes
 
 
 def test_a_steady_formation_of_twenty_five_speaks_in_at_most_250_bytes() -> None:
-    steady = parse_mission({"start": {"radius_m": 0}, "obstacles": {"discs": []}, "time_limit_s": 1.5})
+    steady = parse_mission({"start": {"radius_m": 0}, "obstacles": {"discs": []}, "fly_s": 1.5})
     assert loopback.fly(steady).median_frame_bytes <= 250
 
 

@@ -14,7 +14,7 @@ from rsc_swarm.cli.options import MissionOptions, resolve
 from world.outlets.trajectory import TrajectoryError
 
 ROOT = Path(__file__).parents[2]
-SHORT = {"agents": 4, "time_limit_s": 1.0}
+SHORT = {"agents": 4, "fly_s": 1.0}
 
 
 class Still:
@@ -89,7 +89,7 @@ def test_a_flight_is_its_report_and_its_arrays():
 
 
 def test_several_missions_are_flown_each_by_its_own_rules():
-    first, second = rs.mission(**SHORT), rs.mission(agents=3, time_limit_s=0.5)
+    first, second = rs.mission(**SHORT), rs.mission(agents=3, fly_s=0.5)
     flights = rs.simulate([first, second])
     assert [flight.report.agents for flight in flights] == [4, 3]
     assert flights[1].report.digest == rs.simulate(second).report.digest
@@ -97,7 +97,7 @@ def test_several_missions_are_flown_each_by_its_own_rules():
 
 def test_the_command_that_flies_it_again_makes_the_same_mission():
     mission = rs.mission(
-        "restart", agents=9, name="123", radio={"burst": {"loss": 0.1 + 0.2}}, swap={"rule": "off"}, time_limit_s=1e-2
+        "restart", agents=9, name="123", radio={"burst": {"loss": 0.1 + 0.2}}, swap={"rule": "off"}, fly_s=1e-2
     )  # fmt: skip
     words = _settings(mission)
     assert words[::2] == ["--set"] * (len(words) // 2)

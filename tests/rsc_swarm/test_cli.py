@@ -45,13 +45,13 @@ def test_a_successful_flight_exits_with_0_and_tells_it_on_stdout(run):
 
 
 def test_a_failed_flight_exits_with_1(run):
-    code, out, _ = run("simulate", "--agents", "4", "--set", "time_limit_s=0.3")
+    code, out, _ = run("simulate", "--agents", "4", "--set", "fly_s=0.3")
     assert code == 1
     assert out.startswith("FAILED (late): not in formation beyond the goal line within 0.30 s")
 
 
 def test_json_on_stdout_is_nothing_but_json(run):
-    code, out, err = run("simulate", "--agents", "4", "--set", "time_limit_s=0.3", "--json", "-")
+    code, out, err = run("simulate", "--agents", "4", "--set", "fly_s=0.3", "--json", "-")
     assert code == 1
     assert FlightReport.model_validate_json(out).failure == "late"
     assert "FAILED (late)" in err
@@ -59,7 +59,7 @@ def test_json_on_stdout_is_nothing_but_json(run):
 
 def test_a_run_directory_and_a_json_file_tell_the_same(run, tmp_path, monkeypatch):
     flight, file = tmp_path / "flight", tmp_path / "report.json"
-    arguments = ("--agents", "4", "--set", "time_limit_s=0.3", "--json", str(file), "--run-dir", str(flight))
+    arguments = ("--agents", "4", "--set", "fly_s=0.3", "--json", str(file), "--run-dir", str(flight))
     assert run("simulate", *arguments)[0] == 1
     assert json.loads(file.read_text()) == json.loads((flight / "report.json").read_text())
     assert "policy" not in [path.name for path in flight.iterdir()], "a shipped model is found by its name"
@@ -77,7 +77,7 @@ def test_a_run_directory_and_a_json_file_tell_the_same(run, tmp_path, monkeypatc
 
 
 def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
-    arguments = ("simulate", "--agents", "4", "--set", "time_limit_s=0.3")
+    arguments = ("simulate", "--agents", "4", "--set", "fly_s=0.3")
     code, out, err = run(*arguments, "--json", "/dev/full", "--run-dir", str(tmp_path / "flight"))
     assert code == 3
     assert out.startswith("FAILED (late)")
@@ -206,7 +206,7 @@ def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
         "--agents",
         "4",
         "--set",
-        "time_limit_s=0.3",
+        "fly_s=0.3",
         "--maps",
         "2",
         "--starts",
@@ -218,11 +218,10 @@ def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
     assert code == 0
     assert "| plain | 4 | rsc-h20 | 4 | 0.0 | 0.0-49.0 | 0.0 | 100.0 | - |" in out
     assert (
-        "rsc-swarm simulate --agents 4 --set time_limit_s=0.3 --map 1 --seed 1001   # late: not in formation"
-        in out
+        "rsc-swarm simulate --agents 4 --set fly_s=0.3 --map 1 --seed 1001   # late: not in formation" in out
     )
     assert [failed["seed"] for failed in json.loads(file.read_text())["failures"]] == [0, 1, 1000, 1001]
-    again = ["--agents", "4", "--set", "time_limit_s=0.3", "--map", "1", "--seed", "1001"]
+    again = ["--agents", "4", "--set", "fly_s=0.3", "--map", "1", "--seed", "1001"]
     assert run("simulate", *again)[0] == 1
 
 
@@ -272,7 +271,7 @@ def test_a_stopped_flight_is_told_and_kept_like_any_other(tmp_path, verb, stop):
 
 
 def test_a_launch_is_the_flight_of_the_simulation(run):
-    arguments = ("--agents", "2", "--set", "time_limit_s=0.5", "--json", "-")
+    arguments = ("--agents", "2", "--set", "fly_s=0.5", "--json", "-")
     reports = []
     for mode in ("simulate", "launch"):
         said = subprocess.run([*COMMAND, mode, *arguments], capture_output=True, text=True)
@@ -288,7 +287,7 @@ def test_a_launch_is_the_flight_of_the_simulation(run):
 def test_on_a_terminal_there_is_a_live_view_and_no_color_is_respected():
     main, inner = pty.openpty()
     environment = {**os.environ, "NO_COLOR": "1", "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "40"}
-    arguments = [*COMMAND, "simulate", "--agents", "4", "--set", "time_limit_s=1"]
+    arguments = [*COMMAND, "simulate", "--agents", "4", "--set", "fly_s=1"]
     with subprocess.Popen(arguments, stdout=inner, stderr=inner, env=environment) as process:
         os.close(inner)
         text = _read_all(main)
@@ -323,6 +322,6 @@ def test_the_help_of_every_command_fits_the_terminal():
 
 def test_nothing_is_written_where_nothing_was_asked(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run("simulate", "--agents", "1", "--set", "time_limit_s=0.1")
-    run("evaluate", "--agents", "1", "--set", "time_limit_s=0.1", "--maps", "1", "--starts", "1")
+    run("simulate", "--agents", "1", "--set", "fly_s=0.1")
+    run("evaluate", "--agents", "1", "--set", "fly_s=0.1", "--maps", "1", "--starts", "1")
     assert list(Path().iterdir()) == []

@@ -36,7 +36,7 @@ from world.field import FieldError
 from world.invariants import Watched
 from world.outcome import Outcome
 
-SHORT = Mission(agents=4, time_limit_s=0.5)
+SHORT = Mission(agents=4, fly_s=0.5)
 SEEDS = seeds_of(1_000_000, 3, 2)
 
 
@@ -95,7 +95,7 @@ def test_no_failure_in_few_runs_says_little():
 
 
 def test_a_flight_of_a_batch_is_the_flight_alone():
-    mission = Mission(agents=9, start={"scrambled": True}, time_limit_s=2.0)
+    mission = Mission(agents=9, start={"scrambled": True}, fly_s=2.0)
     batch = {flight.seed: flight for flight in fly_batch(mission, SEEDS) if isinstance(flight, Flight)}
     assert len(batch) == len(SEEDS)
     for map_seed, seed in SEEDS[:3]:
@@ -196,7 +196,7 @@ def test_workers_leave_in_mid_flight_when_nobody_listens_any_more():
         return len(psutil.Process().children())
 
     before, begin = children(), time.monotonic()
-    long = SHORT.model_copy(update={"time_limit_s": 3600.0, "policy": "cruise", "goal_x_m": 1e6})
+    long = SHORT.model_copy(update={"fly_s": 3600.0, "policy": "cruise", "goal_x_m": 1e6})
     flying = fly_all(long, SEEDS, 2)
     assert isinstance(next(flying), int)
     assert children() == before + 2
@@ -207,7 +207,7 @@ def test_workers_leave_in_mid_flight_when_nobody_listens_any_more():
 
 def test_a_map_without_room_is_named():
     around_the_start = {"count": (0, 3), "x_m": (-4, 4), "y_m": (-4, 4)}
-    mission = Mission(agents=1, start={"radius_m": 0.0}, obstacles=around_the_start, time_limit_s=0.1)
+    mission = Mission(agents=1, start={"radius_m": 0.0}, obstacles=around_the_start, fly_s=0.1)
     assert len(evaluate(mission, [(2, 2000)], 1)) == 1
     with pytest.raises(FieldError, match="map 0, seed 0: agent 0 finds no free place"):
         list(fly_all(mission, [(2, 2000), (0, 0)], 1))

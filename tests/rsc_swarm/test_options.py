@@ -8,7 +8,7 @@ import typer
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from protocols.mission.document import Mission, MissionError
+from protocols.mission.document import Mission, MissionError, mission_yaml
 from protocols.mission.policy_name import from_folder
 from rsc_swarm.cli.mission import about
 from rsc_swarm.cli.options import (
@@ -22,7 +22,6 @@ from rsc_swarm.cli.options import (
     shipped_missions,
     with_options,
 )
-from rsc_swarm.flight.run_dir import mission_yaml
 from world.field import draw_obstacles, draw_start
 
 
@@ -80,8 +79,8 @@ def parsed(words: list[str]) -> MissionOptions:
     return got[0]
 
 
-share, milliseconds = st.floats(0, 1), st.floats(0, 500)
-words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1)
+share, milliseconds = st.floats(0, 1), st.just(0.0) | st.floats(5, 500)
+words = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.isprintable)
 asked = st.fixed_dictionaries(
     {},
     optional={
@@ -94,7 +93,7 @@ asked = st.fixed_dictionaries(
         "swap": st.sampled_from(Swap),
         "frame_rate": st.sampled_from([100.0, 50.0, 100 / 3, 10.0]),
         "loss": share,
-        "burst": share,
+        "burst": st.floats(0, 0.96),
         "delay_ms": milliseconds,
         "jitter_ms": milliseconds,
         "duplicate": share,
@@ -150,7 +149,13 @@ def test_files_are_named_so_that_they_are_found_from_any_folder(tmp_path, monkey
         (MissionOptions(agents=7, formation=Formation.square), "--agents: a square needs 4, 9, 16"),
         (MissionOptions(set=["radio.memori_s=1"]), "--set radio.memori_s: unknown field; known here: burst"),
         (MissionOptions(set=["hold_s"]), "--set hold_s: write FIELD=VALUE"),
-        (MissionOptions(set=["hold_s=["]), "--set hold_s=[: the value is not valid YAML"),
+        (MissionOptions(set=["hold_s=["]), "--set hold_s: the value is not valid YAML"),
+        (MissionOptions(set=["hold_s=1", "hold_s=010"]), "--set hold_s: the value is not valid YAML"),
+        (MissionOptions(set=["radio.loss=on"]), "--set radio.loss: input should be a valid number, not 'on'"),
+        (
+            MissionOptions(frame_rate=70),
+            "--frame-rate: 70 Hz is no frame every so many ticks; the nearest are 50 and 100",
+        ),
         (MissionOptions(set=["agents.x=1"]), "agents: input should be a valid integer"),
         (MissionOptions(mission="nowhere"), "--mission nowhere: no such file; shipped missions are dense"),
     ],

@@ -38,7 +38,7 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
     mission = Mission(
         agents=9,
         start={"scrambled": True},
-        time_limit_s=3.0,
+        fly_s=3.0,
         faults=[{"at_s": 1.5, "kind": "kill", "agents": [2]}],
     )
     track = flown(tmp_path, mission)
@@ -49,7 +49,7 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
 
 
 def test_only_edges_between_flying_drones_are_drawn(tmp_path):
-    mission = Mission(agents=9, time_limit_s=1.0, faults=[{"at_s": 0.5, "kind": "kill", "slots": [4]}])
+    mission = Mission(agents=9, fly_s=1.0, faults=[{"at_s": 0.5, "kind": "kill", "slots": [4]}])
     track = flown(tmp_path, mission)
     assert len(_edges(track.path, mission.plan, 0)) == 8
     parent = mission.plan.parent
@@ -63,7 +63,7 @@ def texts(figure) -> list[str]:
 def test_drones_and_obstacles_carry_the_numbers_of_the_report(tmp_path, monkeypatch):
     discs = [(20.0, 0.0, 1.0), (20.0, 0.5, 1.0)]
     faults = [{"at_s": 1.0, "kind": "restart", "agents": [2]}, {"at_s": 2.0, "kind": "kill", "agents": [1]}]
-    mission = Mission(agents=3, time_limit_s=3.0, obstacles={"discs": discs}, faults=faults)
+    mission = Mission(agents=3, fly_s=3.0, obstacles={"discs": discs}, faults=faults)
     track = flown(tmp_path, mission)
     figures = []
     monkeypatch.setattr("rsc_swarm.show.plots.flight.save", lambda figure, out: figures.append(figure))
@@ -83,7 +83,7 @@ def test_the_numbers_of_obstacles_that_overlap_stand_apart():
 
 def test_the_shortest_flight_is_drawn(tmp_path):
     for agents in (1, 2):
-        mission = Mission(agents=agents, time_limit_s=0.01, obstacles={"discs": []})
+        mission = Mission(agents=agents, fly_s=0.01, obstacles={"discs": []})
         draw([flown(tmp_path, mission)], tmp_path / "short.png")
 
 
@@ -100,7 +100,7 @@ def test_a_collision_is_marked_where_it_was(tmp_path):
 
 
 def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
-    mission = Mission(agents=4, time_limit_s=0.5)
+    mission = Mission(agents=4, fly_s=0.5)
     folder = RunDir(tmp_path / "run")
     folder.begin(mission)
     recorder = Recorder(mission)
@@ -119,16 +119,14 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
     with pytest.raises(PlotError, match="give a file in a directory that exists"):
         plot_command.run(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
     with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
-        plot_command.run(
-            MissionOptions(agents=1, set=["time_limit_s=0.1"]), tmp_path / "flight.xyz", Subject()
-        )
+        plot_command.run(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.xyz", Subject())
     (tmp_path / "bad.npz").write_text("not a flight")
     with pytest.raises(TrajectoryError, match="is not a recorded flight"):
         Trajectory.load(tmp_path / "bad.npz")
 
 
 def test_two_sizes_are_drawn_to_one_scale(tmp_path, capsys):
-    options = MissionOptions(set=["time_limit_s=0.1"])
+    options = MissionOptions(set=["fly_s=0.1"])
     plot_command.run(options, tmp_path / "two.png", Subject(compare="4,9"))
     assert (tmp_path / "two.png").read_bytes().startswith(PNG)
     assert capsys.readouterr().out.endswith("two.png: 4 drones: late; 9 drones: late\n")
@@ -178,7 +176,7 @@ def test_learning_curves_are_drawn_from_what_training_wrote(tmp_path):
 
 
 def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
-    track = flown(tmp_path, Mission(agents=1, time_limit_s=0.1))
+    track = flown(tmp_path, Mission(agents=1, fly_s=0.1))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(PlotError, match="plot needs matplotlib: pip install matplotlib"):
         draw([track], tmp_path / "x.png")

@@ -24,7 +24,7 @@ from rsc_swarm.study.workers import fly_batch
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 MISSION = Mission(
-    agents=1, time_limit_s=0.05, obstacles=Obstacles(discs=())
+    agents=1, fly_s=0.05, obstacles=Obstacles(discs=())
 )  # so that it is infinitely far from anything
 
 NASTY = [

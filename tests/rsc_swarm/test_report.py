@@ -58,7 +58,7 @@ def test_it_adds_up(report):
 
 
 def test_what_is_dropped_and_swapped_is_counted():
-    mission = Mission(agents=9, start={"scrambled": True}, radio={"loss": 0.3}, time_limit_s=3.0)
+    mission = Mission(agents=9, start={"scrambled": True}, radio={"loss": 0.3}, fly_s=3.0)
     report = report_of(fly(mission), mission, "simulate", "lockstep", "")
     assert report.failure == "late"
     assert report.frames.dropped.loss > 0.2 * report.frames.delivered
@@ -132,7 +132,7 @@ def test_a_swarm_of_few_is_told_as_one_would_say_it(fields, outcome, sentence):
 
 
 def test_of_one_drone_nothing_is_told_that_takes_two():
-    mission = Mission(agents=1, obstacles=EMPTY, time_limit_s=0.01)
+    mission = Mission(agents=1, obstacles=EMPTY, fly_s=0.01)
     text = plain(render(report_of(fly(mission), mission, "simulate", "lockstep", "again")))
     assert not any(
         word in text for word in ("Closest", "edge", "swaps", "heard", "formation", "inf", " 0.0 x")
@@ -140,7 +140,7 @@ def test_of_one_drone_nothing_is_told_that_takes_two():
 
 
 def test_no_swaps_are_none():
-    mission = Mission(agents=2, swap={"rule": "off"}, time_limit_s=0.05)
+    mission = Mission(agents=2, swap={"rule": "off"}, fly_s=0.05)
     rows = plain(render(report_of(fly(mission), mission, "simulate", "lockstep", "again"))).splitlines()
     assert [row.split()[1:] for row in rows if row.startswith("swaps")] == [["none"]]
 

@@ -27,7 +27,7 @@ class Homing:
     def act(self, seen):
         return GAIN * seen.slot_error
 """
-SMALL = Mission(agents=4, time_limit_s=1.0)
+SMALL = Mission(agents=4, fly_s=1.0)
 
 
 def test_everything_about_the_flight_is_in_it(tmp_path):

@@ -20,7 +20,7 @@ from rsc_swarm.study.tables.result import TableError, as_csv, path_of, read_tabl
 from rsc_swarm.study.tables.rows import TABLES, Paper, Place, Row, Table, Way, chosen
 from rsc_swarm.study.workers import Flight, WorkerError
 
-HERE = Place("here", "4 drones", MissionOptions(agents=4, set=["time_limit_s=0.3"]))
+HERE = Place("here", "4 drones", MissionOptions(agents=4, set=["fly_s=0.3"]))
 PAPER = Paper(83.0, 13.17, 7.9, 2.5)
 SMALL = Table(
     "small",
@@ -102,7 +102,7 @@ def test_a_table_is_written_for_people_and_programs(tmp_path, capsys):
     assert (lines[0]["paper_success_pct"], lines[1]["paper_success_pct"]) == ("83.0", "")
     assert table.rows[0].failures == {"late": [1_000_000_000, 1_000_001_000]}
     assert table.rows[0].command == (
-        "rsc-swarm evaluate --agents 4 --policy analytic --set time_limit_s=0.3 --set safety_filter=false "
+        "rsc-swarm evaluate --agents 4 --policy analytic --set fly_s=0.3 --set safety_filter=false "
         "--maps 2 --starts 1 --seed-base 1000000"
     )
     assert drawn(table) is not None

@@ -15,7 +15,7 @@ from world.outlets.snapshot import Snapshot
 
 def snapshots(agents: int, **fields: object) -> list[Snapshot]:
     seen: list[Snapshot] = []
-    fly(Mission(agents=agents, time_limit_s=5.0, **fields), on_snapshot=seen.append)
+    fly(Mission(agents=agents, fly_s=5.0, **fields), on_snapshot=seen.append)
     return seen
 
 

@@ -6,7 +6,7 @@ import rsc_swarm as rs
 
 
 def test_a_launch_from_a_program_is_the_flight_of_its_simulation(tmp_path):
-    mission = rs.mission(agents=3, time_limit_s=1.0, faults=[{"at_s": 0.5, "kind": "restart", "agents": [1]}])
+    mission = rs.mission(agents=3, fly_s=1.0, faults=[{"at_s": 0.5, "kind": "restart", "agents": [1]}])
     simulated = rs.simulate(mission)  # this process now has a model open, which must not be forked
     launched = rs.launch(mission, run_dir=tmp_path / "run")
     assert launched.report.mode == "launch"

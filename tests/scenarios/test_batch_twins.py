@@ -10,7 +10,7 @@ from rsc_swarm.flight.launch import launch
 from rsc_swarm.flight.simulate import Simulation
 
 MISSION = parse_mission(
-    {"agents": 6, "policy": "analytic", "swap": {"rule": "off"}, "map_seed": 1_000_003, "time_limit_s": 2.0}
+    {"agents": 6, "policy": "analytic", "swap": {"rule": "off"}, "map_seed": 1_000_003, "fly_s": 2.0}
 )
 
 

@@ -14,7 +14,7 @@ import pytest
 from tests.scenarios.flights import Fields, Launcher
 
 # Never at its goal, so that it is in the air whenever the test strikes.
-ENDLESS: Fields = {"agents": 6, "goal_x_m": 1e6, "time_limit_s": 3600, "obstacles": {"discs": []}}
+ENDLESS: Fields = {"agents": 6, "goal_x_m": 1e6, "fly_s": 3600, "obstacles": {"discs": []}}
 NOTHING_LEFT_S = 2.0
 
 
@@ -122,7 +122,7 @@ def test_a_launcher_that_is_terminated_leaves_nothing(launch: Callable[[Fields],
 def test_a_finished_flight_leaves_its_logs_its_path_and_nothing_else(
     launch: Callable[[Fields], Launcher],
 ) -> None:
-    flight = launch({**ENDLESS, "time_limit_s": 5})
+    flight = launch({**ENDLESS, "fly_s": 5})
     assert flight.end()[0] == 0
     assert flight.is_gone_within(NOTHING_LEFT_S)
     run: Path = flight.here / "run"

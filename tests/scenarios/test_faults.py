@@ -10,7 +10,7 @@ from tests.scenarios.test_twins import reported, simulated
 TASK: Fields = {
     "agents": 6,
     "formation": {"shape": "triangle"},
-    "time_limit_s": 4.0,
+    "fly_s": 4.0,
     "swap": {"silent_s": 0.5},
     "seed": 6,
 }
@@ -31,7 +31,11 @@ FAULTS: dict[str, list[Fields]] = {
     "restarted-twice": [fault(1, "restart", agents=[1]), fault(2, "restart", agents=[1])],
     "part-and-heal": [fault(0.3, "part", groups=[[0, 1, 2], [3, 4, 5]]), fault(2.5, "heal")],
     "slow-and-recover": [fault(0, "slow", slots=[4], factor=0.5), fault(2, "recover", slots=[4])],
-    "thaw-of-the-dead": [fault(1, "kill", agents=[0]), fault(1.5, "thaw", agents=[0])],
+    "thaw-of-the-dead": [
+        fault(0.5, "freeze", agents=[0]),
+        fault(1, "kill", agents=[0]),
+        fault(1.5, "thaw", agents=[0]),
+    ],
 }
 
 

@@ -13,7 +13,7 @@ def test_in_real_time_six_drones_hold_a_hundred_ticks_a_second_and_succeed() -> 
 
 
 def test_lockstep_misses_nothing_and_every_drone_tells_of_itself() -> None:
-    (flight,) = launched({**SIX, "time_limit_s": 1.0})
+    (flight,) = launched({**SIX, "fly_s": 1.0})
     assert flight["deadline_misses"] == 0
     assert flight["outcome"]["lost_agents"] == []
     assert flight["told"] == list(range(6))

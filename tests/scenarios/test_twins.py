@@ -14,8 +14,8 @@ from tests import loopback
 from tests.models import random_model, saved
 from tests.scenarios.flights import Fields, launched, whole
 
-TWENTY_FIVE: Fields = {"agents": 25, "time_limit_s": 2.0, "start": {"scrambled": True}}
-SIX: Fields = {"agents": 6, "time_limit_s": 4.0, "start": {"scrambled": True}, "seed": 6}
+TWENTY_FIVE: Fields = {"agents": 25, "fly_s": 2.0, "start": {"scrambled": True}}
+SIX: Fields = {"agents": 6, "fly_s": 4.0, "start": {"scrambled": True}, "seed": 6}
 
 RADIOS: dict[str, Fields] = {
     "perfect": {},
@@ -63,7 +63,7 @@ def test_launch_and_simulate_fly_the_same_flight_over_every_radio(task: Fields) 
         assert whole(flight["report"]) == reported(fields), name
         assert flight["breach"] is None
         assert flight["rejected"] == 0
-    assert all(flight["outcome"]["ticks"] == round(100 * task["time_limit_s"]) for flight in flights)
+    assert all(flight["outcome"]["ticks"] == round(100 * task["fly_s"]) for flight in flights)
 
 
 def test_twins_agree_to_the_very_end_of_a_whole_flight() -> None:
@@ -94,7 +94,7 @@ def test_twins_agree_however_the_swarm_flies(way: Fields) -> None:
 def test_a_drone_among_a_hundred_hears_them_all() -> None:
     """Over bytes: the messages of such a crowd are longer than the transport carries, and travel in pieces."""
     crowd = parse_mission({"agents": 100, "policy": "analytic", "radio": {"range_m": 100}})
-    short = crowd.model_copy(update={"time_limit_s": 0.05})
+    short = crowd.model_copy(update={"fly_s": 0.05})
     assert loopback.fly(short).outcome == simulate([short])[0]
 
 
@@ -113,7 +113,7 @@ def test_twins_agree_when_a_model_flies(tmp_path: Path) -> None:
 
 
 def test_the_same_seed_is_the_same_flight_and_another_seed_another() -> None:
-    lossy: Fields = {**SIX, "time_limit_s": 1.0, "radio": RADIOS["everything"]}
+    lossy: Fields = {**SIX, "fly_s": 1.0, "radio": RADIOS["everything"]}
     digests = [flight["outcome"]["digest"] for flight in launched(lossy, lossy, {**lossy, "seed": 7})]
     assert digests[0] == digests[1]
     assert digests[0] != digests[2]
@@ -126,7 +126,7 @@ def test_no_frame_from_beyond_radio_range_reaches_a_drone() -> None:
         "formation": {"shape": "line"},
         "start": {"radius_m": 0},
         "obstacles": {"discs": []},
-        "time_limit_s": 1.0,
+        "fly_s": 1.0,
     }
     (flight,) = launched(abreast)
     tally: dict[str, Any] = flight["tally"]

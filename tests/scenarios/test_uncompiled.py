@@ -20,7 +20,7 @@ from protocols.mission.document import parse_mission
 from rsc_swarm.flight.simulate import simulate
 for policy in ("rsc-h1", "saber", "analytic"):
     print(simulate([parse_mission({
-        "agents": 4, "time_limit_s": 0.5, "policy": policy, "start": {"scrambled": True}, "swap": {"connected": True},
+        "agents": 4, "fly_s": 0.5, "policy": policy, "start": {"scrambled": True}, "swap": {"connected": True},
         "obstacles": {"discs": [[3, 1, 1], [4, -3, 1.5]]},
         "radio": {"loss": 0.2, "jitter_ms": 20, "duplicate": 0.1, "reorder": 0.1, "burst": {"loss": 0.1}},
         "faults": [{"at_s": 0.2, "kind": "restart", "agents": [1]}],

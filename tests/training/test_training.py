@@ -175,7 +175,7 @@ shapes = {value.name: [1, *value.shape[1:]] for value in session.get_inputs()}
 said = session.run(None, {name: np.ones(shape, np.float32) for name, shape in shapes.items()})
 about = session.get_modelmeta().custom_metadata_map
 assert read_model(Path(sys.argv[1])).facts.horizon == 4
-planned, steady = mae(Path(sys.argv[1]), Mission(agents=4, time_limit_s=0.5), range(1_000_000, 1_000_002))
+planned, steady = mae(Path(sys.argv[1]), Mission(agents=4, fly_s=0.5), range(1_000_000, 1_000_002))
 print(json.dumps([shapes, [list(value.shape) for value in said], about, planned, steady]))
 """
 

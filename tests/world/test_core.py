@@ -11,7 +11,7 @@ from world.core import Answers, WorldCore
 
 
 def mission(**fields: Any) -> Mission:
-    return parse_mission({"agents": 6, "time_limit_s": 1.0, **fields})
+    return parse_mission({"agents": 6, "fly_s": 1.0, **fields})
 
 
 def world(*faults: dict[str, Any], **fields: Any) -> WorldCore:
@@ -42,8 +42,8 @@ def test_drones_start_at_rest_and_the_target_at_the_origin() -> None:
 
 
 def test_a_fault_happens_at_the_beginning_of_its_tick_and_names_its_drones() -> None:
-    core = world(at(3, "kill", agents=[4]), at(3, "slow", agents=[0, 1]), at(7, "heal"))
-    assert drift(core, 10) == [(3, "kill", (4,)), (3, "slow", (0, 1)), (7, "heal", ())]
+    core = world(at(3, "kill", agents=[4]), at(3, "slow", agents=[0, 1]), at(7, "recover", agents=[0]))
+    assert drift(core, 10) == [(3, "kill", (4,)), (3, "slow", (0, 1)), (7, "recover", (0,))]
     assert core.flying[0].tolist() == [True] * 4 + [False, True]
 
 
@@ -70,7 +70,7 @@ def test_a_frozen_drone_coasts_and_is_neither_asked_nor_heard() -> None:
 
 
 def test_no_thaw_revives_the_dead() -> None:
-    core = world(at(1, "kill", agents=[0]), at(2, "thaw", agents=[0]))
+    core = world(at(0, "freeze", agents=[0]), at(1, "kill", agents=[0]), at(2, "thaw", agents=[0]))
     drift(core, 4)
     assert (bool(core.flying[0, 0]), bool(core.responsive[0, 0])) == (False, False)
 
@@ -135,7 +135,7 @@ def test_many_worlds_at_once_fly_as_each_would_alone() -> None:
 
 
 def test_worlds_of_a_batch_end_each_in_its_own_time() -> None:
-    fast = {"obstacles": {"discs": []}, "time_limit_s": 21.0, "goal_x_m": 5.0}
+    fast = {"obstacles": {"discs": []}, "fly_s": 21.0, "goal_x_m": 5.0}
     ticks = [outcome.ticks for outcome in simulate([mission(seed=seed, **fast) for seed in (1, 2, 3)])]
     assert len(set(ticks)) == 3
     assert ticks == [simulate([mission(seed=seed, **fast)])[0].ticks for seed in (1, 2, 3)]
@@ -160,7 +160,7 @@ def test_the_digest_tells_flights_apart(other: dict[str, Any]) -> None:
 def test_the_digest_sees_the_smallest_step_aside() -> None:
     flights = []
     for nudge in (0.0, 1e-15):
-        simulation = Simulation([mission(time_limit_s=0.2)])
+        simulation = Simulation([mission(fly_s=0.2)])
         simulation.world.position[0, 3, 0] += nudge
         while simulation.world.active.any():
             simulation.tick()
@@ -171,7 +171,7 @@ def test_the_digest_sees_the_smallest_step_aside() -> None:
 
 
 def test_a_dense_swarms_frames_have_the_size_the_wire_would_give_them() -> None:
-    crowd = mission(agents=49, formation={"spacing_m": 2.5}, start={"radius_m": 0}, time_limit_s=0.05)
+    crowd = mission(agents=49, formation={"spacing_m": 2.5}, start={"radius_m": 0}, fly_s=0.05)
     simulation = Simulation([crowd])
     for _ in range(4):
         simulation.tick()

@@ -149,14 +149,14 @@ def test_a_burst_is_a_state_from_the_first_tick_on() -> None:
     assert within(int(first.sum()), first.size, 0.4)
 
 
-@pytest.mark.parametrize(("mean", "length_s"), [(0.99, 0.3), (0.9, 0.02), (0.5, 0.001), (1.0, 0.3)])
-def test_bursts_keep_their_mean_where_spells_cannot_be_as_short_as_asked(
+@pytest.mark.parametrize(("mean", "length_s"), [(0.99, 0.99), (0.9, 0.09), (0.5, 0.01), (1.0, 0.3)])
+def test_bursts_keep_their_mean_where_good_spells_are_as_short_as_can_be(
     mean: float, length_s: float
 ) -> None:
     link = medium.link_of(mission(4, burst={"loss": mean, "length_s": length_s}))
     assert link.burst_enter / (link.burst_enter + link.burst_leave) == pytest.approx(mean)
     assert 0 <= link.burst_leave <= 1
-    assert 0 < link.burst_enter <= 1
+    assert link.burst_enter == pytest.approx(1)
 
 
 def test_a_bad_link_is_bad_in_one_direction_only() -> None:
@@ -232,9 +232,9 @@ def test_a_dead_drone_is_sent_nothing_and_what_was_under_way_to_it_comes_to_nobo
 @given(
     seed=st.integers(0, 2**32 - 1),
     loss=st.floats(0, 1),
-    burst=st.floats(0, 1),
-    delay=st.floats(0, 50),
-    jitter=st.floats(0, 100),
+    burst=st.floats(0, 0.96) | st.just(1.0),
+    delay=st.just(0.0) | st.floats(5, 50),
+    jitter=st.just(0.0) | st.floats(5, 100),
     duplicate=st.floats(0, 1),
     reorder=st.floats(0, 1),
     agents=st.integers(2, 5),

@@ -52,7 +52,7 @@ def test_acceleration_and_then_speed_are_clipped_to_balls_of_ten() -> None:
 
 def test_a_slow_drone_has_its_share_of_both_limits_until_it_recovers() -> None:
     slow = {"at_s": 0, "kind": "slow", "agents": [0], "factor": 0.5}
-    core = world(APART, faults=[slow, {"at_s": 3, "kind": "recover", "agents": [0]}], time_limit_s=100)
+    core = world(APART, faults=[slow, {"at_s": 3, "kind": "recover", "agents": [0]}], fly_s=100)
     hard = [[100.0, 0.0], [100.0, 0.0], [0, 0]]
     push(core, hard)
     assert core.velocity[0, :2, 0].tolist() == pytest.approx([0.05, 0.1])

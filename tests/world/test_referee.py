@@ -117,7 +117,7 @@ def test_a_flight_is_late_after_two_thousand_one_hundred_ticks() -> None:
 
 
 def test_success_in_the_last_tick_is_success() -> None:
-    core = world([[0.0, y] for _, y in LINE], time_limit_s=0.1)
+    core = world([[0.0, y] for _, y in LINE], fly_s=0.1)
     judged(core, ticks=9)
     core.position[0] = LINE
     outcome = judged(core)

@@ -23,23 +23,21 @@ HELLO, WELCOME = messages._KINDS.index(Hello), messages._KINDS.index(Welcome)
 NAN, INF = float("nan"), float("inf")
 
 
-def mission(time_limit_s: float = 0.6, **fields: Any) -> Mission:
-    return parse_mission(
-        {"agents": 6, "time_limit_s": time_limit_s, "obstacles": {"count": [1, 1]}, **fields}
-    )
+def mission(fly_s: float = 0.6, **fields: Any) -> Mission:
+    return parse_mission({"agents": 6, "fly_s": fly_s, "obstacles": {"count": [1, 1]}, **fields})
 
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The world waits for a missing answer no longer than it must."""
-    fly(mission(time_limit_s=0.02))  # loads the kernels, which takes longer
+    fly(mission(fly_s=0.02))  # loads the kernels, which takes longer
     monkeypatch.setattr(session, "PATIENCE_S", 0.7)
     monkeypatch.setattr(session, "_LATE_S", 0.7)
     monkeypatch.setattr(peer, "TAKEOVER_S", 0.1)
 
 
 def test_drones_that_exchange_bytes_fly_the_flight_of_drones_that_share_rows() -> None:
-    task = mission(time_limit_s=21.0)
+    task = mission(fly_s=21.0)
     flown = fly(task)
     assert flown.outcome.success
     assert flown.outcome == simulate([task])[0]
@@ -198,7 +196,7 @@ def test_drones_whose_processes_end_break_the_run_by_name_and_cause() -> None:
 @pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("clock", ["lockstep", "realtime"])
 def test_a_drone_whose_process_is_stopped_is_waited_for(clock: Clock) -> None:
-    task = mission(time_limit_s=1.5)
+    task = mission(fly_s=1.5)
     held: list[bytes] = []
 
     def stop(agent: int, tick: int, reply: bytes) -> list[bytes]:
@@ -248,7 +246,7 @@ def test_running_time_stands_still_while_its_process_does() -> None:
 
 def test_a_drone_that_does_not_answer_is_not_flooded() -> None:
     """Else its pipe would fill, and the world would wait for it in the middle of a tick."""
-    task = mission(time_limit_s=1.0)
+    task = mission(fly_s=1.0)
     asked: list[int] = []
 
     def fall_silent(agent: int, tick: int, reply: bytes) -> list[bytes]:
@@ -329,9 +327,9 @@ def test_a_process_that_ends_before_the_flight_is_named() -> None:
 
 
 def test_a_flight_can_be_broken_off_and_nobody_is_lost_by_that() -> None:
-    swarm = Loopback(mission(time_limit_s=21.0), lambda agent, tick, reply: [] if tick >= 20 else [reply])
+    swarm = Loopback(mission(fly_s=21.0), lambda agent, tick, reply: [] if tick >= 20 else [reply])
     swarm.leave_at = 20
-    outcome = WorldServer(mission(time_limit_s=21.0), swarm, "lockstep", swarm).run().outcome
+    outcome = WorldServer(mission(fly_s=21.0), swarm, "lockstep", swarm).run().outcome
     assert (outcome.failure, outcome.ticks, outcome.lost_agents) == ("interrupted", 20, ())
 
 
@@ -368,7 +366,7 @@ def test_a_restarted_drone_that_does_not_come_back_breaks_the_run() -> None:
 
 def test_in_real_time_a_late_answer_is_counted_and_the_last_command_stands() -> None:
     seen: dict[int, np.ndarray] = {}
-    task = mission(time_limit_s=0.3)
+    task = mission(fly_s=0.3)
     swarm = Loopback(task, lambda agent, tick, reply: [] if agent == 2 and 10 <= tick < 20 else [reply])
     world = WorldServer(
         task,
@@ -403,7 +401,7 @@ def test_drones_get_the_mission_of_the_world() -> None:
 @pytest.mark.usefixtures("impatient")
 def test_in_real_time_a_silent_drone_coasts_and_is_lost_after_a_while() -> None:
     commands: dict[int, np.ndarray] = {}
-    task = mission(time_limit_s=1.2)
+    task = mission(fly_s=1.2)
     swarm = Loopback(task, lambda agent, tick, reply: [] if agent == 2 and tick >= 10 else [reply])
     world = WorldServer(
         task,

@@ -69,13 +69,9 @@ class Link(NamedTuple):
 def link_of(mission: Mission) -> Link:
     """The mission's radio as rules per tick."""
     radio = mission.radio
-    leave = min(1.0, TICK_S / radio.burst.length_s)
-    mean = radio.burst.loss
-    # Stationary share of bad time = enter / (enter + leave). A good spell lasts a tick at least, so where the mean asks
-    # for shorter ones, the bad spells get longer instead.
-    enter = leave * mean / (1 - mean) if mean < 1 else math.inf
-    if enter > 1:
-        enter, leave = 1.0, (1 - mean) / mean
+    mean, leave = radio.burst.loss, TICK_S / radio.burst.length_s
+    # Stationary share of bad time = enter / (enter + leave); a mission's spells are long enough for enter <= 1.
+    enter, leave = (min(1.0, leave * mean / (1 - mean)), leave) if mean < 1 else (1.0, 0.0)
     per_tick = 0.001 / TICK_S
     return Link(
         radio.range_m,

@@ -1,0 +1,47 @@
+"""What Pydantic finds wrong with a document, as one line for people."""
+
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+_MOST_FINDINGS, _MOST_CHARACTERS = 5, 60
+
+
+def explain_as(document: type[BaseModel], error: ValidationError) -> str:
+    """The findings about a ``document`` as one line: field, what is wrong, what would be right."""
+    findings = []
+    for item in error.errors(include_url=False):
+        place, text, kind = item["loc"], item["msg"].removeprefix("Value error, "), item["type"]
+        if kind == "extra_forbidden":
+            text = f"unknown field; known here: {', '.join(_known_fields(document, place[:-1]))}"
+        elif kind.startswith("bool"):
+            text = f"write true or false, not {_short(item['input'])}"
+        elif not kind.startswith("value_error"):
+            text = f"{text[0].lower()}{text[1:]}, not {_short(item['input'])}"
+        field = ".".join(_name(part) for part in place)
+        findings.append(f"{field}: {text}" if field else text)
+    more = len(findings) - _MOST_FINDINGS
+    return "; ".join(findings[:_MOST_FINDINGS] + ([f"and {more} more"] if more > 0 else []))
+
+
+def _name(part: int | str) -> str:
+    text = str(part)
+    return text if text.isprintable() and len(text) <= _MOST_CHARACTERS else _short(part)
+
+
+def _short(value: object) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # a number of thousands of digits; a list in a list in a list
+        text = type(value).__name__
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
+
+
+def _known_fields(document: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
+    """The fields of the section at ``place``."""
+    section: Any = document
+    for part in place:
+        if isinstance(part, str):
+            section = section.model_fields[part].annotation
+            section = next((inner for inner in get_args(section) if hasattr(inner, "model_fields")), section)
+    return sorted(section.model_fields)

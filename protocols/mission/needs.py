@@ -1,0 +1,106 @@
+"""What the numbers of a mission need of each other: how long frames take, and how long a flight.
+
+A time that a mission leaves out is what these say, or the usual one where that is longer; one that is given must be at
+least what these say (protocols.mission.checks).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from protocols.dynamics import TICK_S, TICKS_PER_S, ticks_of
+from protocols.mission.values import LONGEST_S
+from protocols.wire.frames import AGE_UNIT_TICKS, AGE_WINDOW
+
+if TYPE_CHECKING:
+    from protocols.mission.document import Mission, Radio
+
+USUAL_MEMORY_S, USUAL_ANSWER_S, USUAL_SILENCE_S, USUAL_LIMIT_S = 0.5, 0.5, 4.0, 21.0
+_OUT_OF_REACH_S = 3.5  # so long the obstacles may keep a drone out of everybody's range
+_CHANCE = 0.01  # of a chain of frames that is longer than we wait for
+_HELD_BACK_TICKS = 5  # a frame out of order waits no longer (world.medium.medium)
+_SLACK = 1.2  # of the usual time limit over the least: the way around obstacles
+
+
+def frame_ticks(rate_hz: float) -> int:
+    """Ticks from one frame of a drone to its next at the rate nearest to ``rate_hz`` that can be flown."""
+    return max(1, round(TICKS_PER_S / rate_hz))
+
+
+def way_ticks(radio: Radio) -> int:
+    """The longest a frame is under way, in ticks."""
+    delay = math.ceil((radio.delay_ms + radio.jitter_ms) / (1000 * TICK_S) - 1e-9)
+    return 1 + delay + (_HELD_BACK_TICKS if radio.reorder else 0)
+
+
+def memory_ticks(radio: Radio) -> int:
+    """A frame must be believed until the next has come."""
+    return frame_ticks(radio.frame_rate_hz) + way_ticks(radio)
+
+
+def answer_ticks(radio: Radio) -> int:
+    """A proposal must wait until it was told and its answer was told."""
+    return 2 * memory_ticks(radio)
+
+
+def silence_ticks(radio: Radio, agents: int) -> int:
+    """How long nothing may be heard of a drone that lives and has somebody in range.
+
+    Its frame must reach one go-between, whose frames then tell of `AGE_WINDOW` drones each, in turn over all. So many frames
+    are lost on the way that all but `_CHANCE` of such chains have got through; a bad spell of a link is sat out likewise.
+    """
+    lost = 1 - (1 - radio.loss) * (1 - radio.burst.loss)
+    if lost >= 1:
+        return ticks_of(LONGEST_S)
+    tries = max(1.0, math.log(_CHANCE) / math.log(lost)) if lost > 0 else 1.0
+    frames = 1 + math.ceil(agents / AGE_WINDOW)
+    spell = radio.burst.length_s * -math.log(_CHANCE) * TICKS_PER_S if radio.burst.loss else 0.0
+    heard = frames * frame_ticks(radio.frame_rate_hz) * tries + spell
+    return min(math.ceil(heard) + AGE_UNIT_TICKS + 2 * way_ticks(radio), ticks_of(LONGEST_S))
+
+
+def usual_silence_ticks(radio: Radio, agents: int) -> int:
+    """The usual silence, or longer where frames are rare or get lost: no drone that lives is taken for dead."""
+    longer = ticks_of(_OUT_OF_REACH_S) + silence_ticks(radio, agents)
+    return min(max(ticks_of(USUAL_SILENCE_S), longer), ticks_of(LONGEST_S))
+
+
+def least_flight_s(mission: Mission) -> float:
+    """Seconds before which the formation cannot be beyond the goal line: its rear slot flies with the target.
+
+    Infinite where the target never brings it there. Slots whose drones are killed may stay empty; the rest may be ahead of
+    their places by the tolerance of an edge.
+    """
+    offsets = sorted(mission.plan.offsets[:, 0].tolist())
+    killed = {
+        who for fault in mission.faults if fault.kind == "kill" for who in (*fault.agents, *fault.slots)
+    }
+    rear = offsets[min(len(killed), len(offsets) - 1)]
+    ahead = mission.edge_tolerance * mission.formation.spacing_m
+    return _when(_goal_m(mission, certain=True) - rear - ahead, mission.target.speed_mps)
+
+
+def usual_limit_s(mission: Mission) -> float:
+    """The usual time limit, or longer where the target takes the rear slot beyond the goal line later."""
+    rear = float(mission.plan.offsets[:, 0].min())
+    least = _when(_goal_m(mission, certain=False) - rear, mission.target.speed_mps)
+    return max(USUAL_LIMIT_S, math.ceil(_SLACK * least)) if least < LONGEST_S else LONGEST_S
+
+
+def _when(way_m: float, speed_mps: float) -> float:
+    if way_m < 0:
+        return 0.0
+    return way_m / speed_mps if speed_mps > 0 else math.inf
+
+
+def _goal_m(mission: Mission, certain: bool) -> float:
+    """Where the goal line lies, before the map is drawn: at least there if ``certain``, else at most."""
+    spec, ends = mission.obstacles, [mission.goal_x_m]
+    if spec.discs is not None:
+        ends += [x + radius for x, _, radius in spec.discs]
+    elif certain and spec.count[0] > 0:
+        ends.append(spec.x_m[0] + spec.radius_m[0])
+    elif not certain and spec.count[1] > 0:
+        ends.append(spec.x_m[1] + spec.radius_m[1])
+    return max(ends)
