@@ -25,7 +25,7 @@ from agent.policy.asking import ask, call
 from agent.radio.air import Air
 from agent.rules import rules_of, shape_of
 from agent.slot_endpoints import SlotEndpoints
-from agent.tick_arrays import empty_views, empty_work, make_tick_arrays
+from agent.tick_arrays import Parts, empty_views, empty_work, make_tick_arrays
 from protocols.mission.document import Mission
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
@@ -116,16 +116,16 @@ class AgentCore:
 
     def _begin(self, inputs: Inputs) -> None:
         """Before the first tick, and where other arrays come than before."""
-        work, memory, motion = self._work, self._memory, inputs.sensed.motion
+        work, memory, sensed = self._work, self._memory, inputs.sensed
         if self._air is None:
             for row in range(len(work.me)):
                 forget(memory, row, inputs.tick)  # whoever begins in mid-flight takes nobody for dead
-        self._sensed, self._air = inputs.sensed, inputs.air
+        self._sensed, self._air = sensed, inputs.air
         self._arrays = make_tick_arrays(
-            self._rules, self._shape, self._views, work, inputs.sensed, inputs.air.frames, memory
+            Parts(self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory)
         )
         self._shown = (
-            work.me, work.awake, motion[:, :2], motion[:, 2:], work.target_position, work.target_velocity, work.chain_error,
+            work.me, work.awake, sensed.position, sensed.velocity, work.target_position, work.target_velocity, work.chain_error,
             work.slot_error, work.observation, memory, self._arrays,
         )  # fmt: skip
 
@@ -155,7 +155,7 @@ class AgentCore:
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""
         party = self._endpoints.endpoint[row]
-        fresh = tick - self._memory.heard_tick[row] <= self._rules.memory_ticks
+        fresh = tick - self._memory.heard_tick[row] <= self._rules.radio.memory_ticks
         counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
         return AgentStatus(
             int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of)

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.surroundings import Discs, Neighbours
+from protocols.kernels import inlined_kernel
 from protocols.relative import NEVER, UNKNOWN
 from protocols.wire.frames import MAX_KNOWN
 from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES
@@ -42,6 +44,20 @@ class Memory(NamedTuple):
     way: NDArray[np.float64]
     obstacle_rel: NDArray[np.float64]
     obstacle_radius: NDArray[np.float64]
+
+
+@inlined_kernel
+def neighbours_of(memory: Memory, row: int) -> Neighbours:
+    """One drone's neighbours now, as its controller takes them."""
+    return Neighbours(memory.near_count[row], memory.near_rel[row], memory.near_vel[row])
+
+
+@inlined_kernel
+def discs_of(memory: Memory, row: int) -> Discs:
+    """The obstacles that one drone knows, as its controller takes them."""
+    return Discs(
+        memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row], memory.disc_side[row]
+    )
 
 
 def empty_memory(rows: int, agents: int) -> Memory:

@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.attraction import Aim
 from agent.memory import Memory
-from agent.tick_arrays import Shape, Views, Work
+from agent.tick_arrays import Views, Work
+from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel
 from protocols.mission.formation import NO_PARENT
 from protocols.relative import UNKNOWN
+from protocols.slots.trigger import Shape
 from protocols.wire.sensed import Sensed
 
 WIDE_SIZE = 32
@@ -38,11 +41,11 @@ def aim_row(
            hops; the root's target is the virtual target. A leader out of reach falls back to the slot target. Without
            ``chain`` both errors are the slot's.
     """
-    motion, target, offsets = sensed.motion[row], work.target_position[row], shape.offsets
+    position, target, offsets = sensed.position[row], work.target_position[row], shape.offsets
     chain_error, slot_error = work.chain_error, work.slot_error
     slot = views.slot_of[row, work.me[row]]
-    slot_error[row, 0] = target[0] + offsets[slot, 0] - motion[0]
-    slot_error[row, 1] = target[1] + offsets[slot, 1] - motion[1]
+    slot_error[row, 0] = target[0] + offsets[slot, 0] - position[0]
+    slot_error[row, 1] = target[1] + offsets[slot, 1] - position[1]
     chain_error[row, 0], chain_error[row, 1] = slot_error[row, 0], slot_error[row, 1]
     above = shape.parent[slot]
     if chain and above != NO_PARENT:
@@ -50,6 +53,15 @@ def aim_row(
         if memory.hops[row, leader] != UNKNOWN:
             chain_error[row, 0] = memory.rel[row, leader, 0] + offsets[slot, 0] - offsets[above, 0]
             chain_error[row, 1] = memory.rel[row, leader, 1] + offsets[slot, 1] - offsets[above, 1]
+
+
+@inlined_kernel
+def aim_of(row: int, work: Work, sensed: Sensed) -> Aim:
+    """One row's targets and velocities as its controller takes them."""
+    return Aim(
+        vector(work.chain_error, row), vector(work.slot_error, row), vector(sensed.velocity, row),
+        vector(work.target_velocity, row),
+    )  # fmt: skip
 
 
 @inlined_kernel
@@ -109,10 +121,11 @@ def compressed(x: float, y: float) -> tuple[float, float]:
 @inlined_kernel
 def observe_row(row: int, reach: float, work: Work, sensed: Sensed, memory: Memory, x: NDArray[Any]) -> None:
     """Fill ``x`` (18,) of any float type; ``reach`` is the sensing range [m]."""
-    motion, target_velocity = sensed.motion[row], work.target_velocity[row]
-    x[:] = 0.0
+    velocity, target_velocity = sensed.velocity[row], work.target_velocity[row]
+    for place in range(x.shape[0]):
+        x[place] = 0.0
     x[0], x[1] = compressed(work.slot_error[row, 0], work.slot_error[row, 1])
-    x[2], x[3] = 0.5 * (motion[2] - target_velocity[0]), 0.5 * (motion[3] - target_velocity[1])
+    x[2], x[3] = 0.5 * (velocity[0] - target_velocity[0]), 0.5 * (velocity[1] - target_velocity[1])
     _obstacles(row, 2, reach, memory, x, 4)
     _neighbours(row, 2, reach, memory, x, 10)
 
@@ -124,6 +137,7 @@ def observe_wide_row(row: int, reach: float, memory: Memory, x: NDArray[Any]) ->
     0:12   the four nearest obstacles out to `WIDE_REACH_M` (those out of sight are remembered), as above
     12:32  the five nearest neighbours, as above
     """
-    x[:] = 0.0
+    for place in range(x.shape[0]):
+        x[place] = 0.0
     _obstacles(row, 4, WIDE_REACH_M, memory, x, 0)
     _neighbours(row, 5, reach, memory, x, 12)

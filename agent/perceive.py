@@ -6,9 +6,9 @@ import numpy as np
 
 from agent.memory import Memory
 from agent.tick_arrays import Rules, Work
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, vector
 from protocols.kernels import inlined_kernel
-from protocols.relative import chain_displacements
+from protocols.relative import Heard, Nearby, RadioRules, chain_displacements
 from protocols.wire.frames import (
     AGE_NEVER,
     AGE_UNIT_TICKS,
@@ -54,33 +54,28 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
 
 @inlined_kernel
 def find_neighbours(
-    memory: Memory, row: int, me: int, tick: int, sensed: Sensed, by_sensor: bool, keep: int, range_m: float
+    memory: Memory, row: int, me: int, tick: int, sensed: Sensed, by_sensor: bool, radio: RadioRules
 ) -> None:
-    """Neighbours from the drone's own sensors, or else from frames at most ``keep`` ticks old, moved on by their velocity."""
+    """Neighbours from the drone's own sensors, or else from frames that are still believed, moved on by their velocity."""
     if by_sensor:
         count = sensed.near_count[row]
         for index in range(count):
             near = sensed.near[row, index]
-            memory.near_id[row, index] = np.int64(near[0])
-            memory.near_rel[row, index, 0], memory.near_rel[row, index, 1] = near[1], near[2]
-            memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near[3], near[4]
+            memory.near_id[row, index] = near["number"]
+            memory.near_rel[row, index, 0], memory.near_rel[row, index, 1] = near["x"], near["y"]
+            memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near["vx"], near["vy"]
         memory.near_count[row] = count
         return
-    px, py, vx, vy = (
-        sensed.motion[row, 0],
-        sensed.motion[row, 1],
-        sensed.motion[row, 2],
-        sensed.motion[row, 3],
-    )
+    (px, py), (vx, vy) = vector(sensed.position, row), vector(sensed.velocity, row)
     count = 0
     for other in range(memory.heard_tick.shape[1]):
         age = tick - memory.heard_tick[row, other]
-        if other == me or age > keep or count == memory.near_id.shape[1]:
+        if other == me or age > radio.memory_ticks or count == memory.near_id.shape[1]:
             continue
         motion = memory.heard_motion[row, other]
         dx = motion[0] + motion[2] * age * TICK_S - px
         dy = motion[1] + motion[3] * age * TICK_S - py
-        if dx * dx + dy * dy <= range_m * range_m:
+        if dx * dx + dy * dy <= radio.range_m * radio.range_m:
             memory.near_id[row, count] = other
             memory.near_rel[row, count, 0], memory.near_rel[row, count, 1] = dx, dy
             memory.near_vel[row, count, 0], memory.near_vel[row, count, 1] = motion[2] - vx, motion[3] - vy
@@ -91,17 +86,18 @@ def find_neighbours(
 @inlined_kernel
 def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -> None:
     """Bring the list of obstacles up to date with what is sensed now; without memory, drop what is out of sight."""
-    px, py = sensed.motion[row, 0], sensed.motion[row, 1]
+    px, py = vector(sensed.position, row)
     known = memory.disc_count[row]
     seen_now = 0  # bit i: obstacle i
     for index in range(sensed.obstacle_count[row]):
-        x, y = px + sensed.obstacles[row, index, 0], py + sensed.obstacles[row, index, 1]
+        seen = sensed.obstacles[row, index]
+        x, y, radius = px + seen["x"], py + seen["y"], seen["radius"]
         match = -1
         for disc in range(known):
             if (
                 abs(memory.disc[row, disc, 0] - x) < _SAME_DISC_M
                 and abs(memory.disc[row, disc, 1] - y) < _SAME_DISC_M
-                and abs(memory.disc[row, disc, 2] - sensed.obstacles[row, index, 2]) < _SAME_DISC_M
+                and abs(memory.disc[row, disc, 2] - radius) < _SAME_DISC_M
             ):
                 match = disc
         if match < 0 and known < memory.disc.shape[1]:
@@ -111,7 +107,7 @@ def recall_obstacles(memory: Memory, row: int, sensed: Sensed, remember: bool) -
         if match >= 0:
             seen_now |= 1 << match
             memory.disc[row, match, 0], memory.disc[row, match, 1] = x, y
-            memory.disc[row, match, 2] = sensed.obstacles[row, index, 2]
+            memory.disc[row, match, 2] = radius
     kept = 0
     for disc in range(known):
         if remember or (seen_now >> disc) & 1:
@@ -135,47 +131,29 @@ def perceive_row(
     memory.last_seen[row, me] = tick
     for place in range(work.inbox_start[row], work.inbox_start[row + 1]):
         hear_frame(memory, row, frames, work.inbox[place])
-    find_neighbours(memory, row, me, tick, sensed, rules.by_sensor, rules.memory_ticks, rules.range_m)
+    find_neighbours(memory, row, me, tick, sensed, rules.by_sensor, rules.radio)
     recall_obstacles(memory, row, sensed, rules.remember_obstacles)
-    chain_displacements(
-        me,
-        tick,
-        rules.memory_ticks,
-        rules.max_hops,
-        memory.near_count[row],
-        memory.near_id[row],
-        memory.near_rel[row],
-        memory.heard_tick[row],
-        memory.heard_one_hop[row],
-        memory.heard_count[row],
-        memory.heard_known[row],
+    near = Nearby(memory.near_count[row], memory.near_id[row], memory.near_rel[row])
+    heard = Heard(
+        memory.heard_tick[row], memory.heard_one_hop[row], memory.heard_count[row], memory.heard_known[row],
         memory.heard_displacement[row],
-        memory.hops[row],
-        memory.rel[row],
-    )
+    )  # fmt: skip
+    chain_displacements(me, tick, rules.radio, near, heard, memory.hops[row], memory.rel[row])
 
 
 @inlined_kernel
 def compose_row(
-    tick: int,
-    row: int,
-    out: int,
-    slot: int,
-    rules: Rules,
-    work: Work,
-    sensed: Sensed,
-    frames: Frames,
-    memory: Memory,
+    tick: int, row: int, out: int, rules: Rules, work: Work, sensed: Sensed, frames: Frames, memory: Memory
 ) -> None:
-    """Write one row's broadcast into ``frames`` row ``out``."""
-    me, observation, max_hops = work.me[row], work.observation, rules.max_hops
+    """Write what one row broadcasts into frame ``out``, but for what is said of slots."""
+    me, observation, max_hops = work.me[row], work.observation, rules.radio.max_hops
     turn = tick // rules.frame_every  # counts a drone's frames, to rotate the ages
     agents = memory.heard_tick.shape[1]
     frames.tick[out] = tick
     frames.sender[out] = me
-    frames.slot[out] = slot
-    for index in range(4):
-        frames.motion[out, index] = sensed.motion[row, index]
+    for axis in range(2):
+        frames.motion[out, axis] = sensed.position[row, axis]
+        frames.motion[out, 2 + axis] = sensed.velocity[row, axis]
     for index in range(observation.shape[1]):
         scaled = observation[row, index] * OBSERVATION_UNIT
         frames.observation[out, index] = np.int16(math.floor(min(max(scaled, -32767.0), 32767.0) + 0.5))

@@ -3,10 +3,12 @@
 import numpy as np
 
 from agent.control.gains import gains_for, limits_for
-from agent.tick_arrays import Rules, Shape
+from agent.tick_arrays import Rules
 from protocols.mission.document import Mission
 from protocols.mission.formation import NO_PARENT
+from protocols.relative import RadioRules
 from protocols.slots import trigger
+from protocols.slots.trigger import Shape
 
 
 def rules_of(mission: Mission) -> Rules:
@@ -17,16 +19,20 @@ def rules_of(mission: Mission) -> Rules:
         chain=mission.aim == "chain",
         detour=mission.detour,
         filtered=mission.safety_filter,
-        connected=mission.swap.connected,
-        swap_rule=trigger.RULES[mission.swap.rule],
-        memory_ticks=mission.memory_ticks,
-        silent_ticks=mission.silent_ticks,
-        max_hops=mission.radio.hops,
         frame_every=mission.frame_every,
-        range_m=mission.radio.range_m,
         reach_m=mission.sensing.range_m,
-        margin_m=mission.swap.margin_m,
         target_mps=mission.target.speed_mps,
+        radio=RadioRules(
+            range_m=mission.radio.range_m,
+            memory_ticks=mission.memory_ticks,
+            max_hops=mission.radio.hops,
+        ),
+        swap=trigger.SwapRules(
+            rule=trigger.RULES[mission.swap.rule],
+            margin_m=mission.swap.margin_m,
+            connected=mission.swap.connected,
+            silent_ticks=mission.silent_ticks,
+        ),
         gains=gains_for(mission.limits.collision_m),
         limits=limits_for(mission.limits.acceleration_mps2, mission.limits.collision_m),
     )

@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from agent.control.detour import leave_pocket
 from agent.control.safety import safety_filter
-from agent.memory import Memory
+from agent.memory import Memory, discs_of, neighbours_of
 from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
 from agent.target import place_target
-from agent.tick_arrays import Rules, Shape, TickArrays, Views, Work
-from protocols.dynamics import ABSURD_MPS2
-from protocols.kernels import borrowed, inlined_kernel, kernel
+from agent.tick_arrays import Rules, TickArrays, Views, Work, parts_of
+from protocols.dynamics import ABSURD_MPS2, vector
+from protocols.kernels import inlined_kernel, kernel
 from protocols.slots import trigger
+from protocols.slots.trigger import Shape
 from protocols.wire.sensed import Sensed
 
 
@@ -31,16 +32,14 @@ def _aim_and_observe(
 def _ask_triggers(
     tick: int, row: int, rules: Rules, shape: Shape, views: Views, work: Work, memory: Memory
 ) -> None:
-    me, ex, ey = work.me[row], work.chain_error[row, 0], work.chain_error[row, 1]
-    work.partner[row] = trigger.swap_partner(
-        me, tick, rules.swap_rule, rules.margin_m, rules.connected, rules.memory_ticks, rules.range_m, ex, ey, shape.offsets,
-        shape.parent, shape.depth, views.slot_of[row], views.occupant[row], memory.heard_tick[row], memory.hops[row],
+    error = vector(work.chain_error, row)
+    known = trigger.Known(
+        views.slot_of[row], views.occupant[row], memory.heard_tick[row], memory.last_seen[row], memory.hops[row],
         memory.rel[row],
     )  # fmt: skip
-    work.vacated[row] = trigger.vacancy_to_fill(
-        me, tick, rules.silent_ticks, rules.range_m, ex, ey, shape.offsets, shape.parent, views.slot_of[row], views.occupant[row],
-        memory.last_seen[row], memory.hops[row], memory.rel[row],
-    )  # fmt: skip
+    me = work.me[row]
+    work.partner[row] = trigger.swap_partner(me, tick, rules.swap, rules.radio, error, shape, known)
+    work.vacated[row] = trigger.vacancy_to_fill(me, tick, rules.swap, rules.radio, error, shape, known)
 
 
 @kernel
@@ -50,13 +49,7 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
     Returns:
         Whether any row's slot protocol has something to attend to (``arrays.work.news``).
     """
-    rules, shape, views, work = (
-        arrays.rules,
-        borrowed(arrays.shape),
-        borrowed(arrays.views),
-        borrowed(arrays.work),
-    )
-    sensed, frames, memory = borrowed(arrays.sensed), borrowed(arrays.frames), borrowed(arrays.memory)
+    rules, shape, views, work, sensed, frames, memory = parts_of(arrays)
     found = False
     for row in range(work.me.shape[0]):
         work.news[row] = False
@@ -65,7 +58,7 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
         place_target(tick, row, rules.target_mps, work)
         perceive_row(tick, row, rules, work, sensed, frames, memory)
         _aim_and_observe(row, rules, shape, views, work, sensed, memory)
-        if rules.swap_rule != trigger.OFF:
+        if rules.swap.rule != trigger.OFF:
             _ask_triggers(tick, row, rules, shape, views, work, memory)
         news = views.busy[row] or work.partner[row] != trigger.NOBODY or work.vacated[row] != trigger.NOBODY
         for place in range(work.inbox_start[row], work.inbox_start[row + 1]):
@@ -79,8 +72,7 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
 @kernel
 def aim_again(arrays: TickArrays) -> None:
     """Targets and observations after a view of the slots has changed."""
-    rules, shape, views = arrays.rules, borrowed(arrays.shape), borrowed(arrays.views)
-    work, sensed, memory = borrowed(arrays.work), borrowed(arrays.sensed), borrowed(arrays.memory)
+    rules, shape, views, work, sensed, _, memory = parts_of(arrays)
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             _aim_and_observe(row, rules, shape, views, work, sensed, memory)
@@ -93,25 +85,22 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
     A policy that wants what is no number, or an absurd one, wants nothing. Drones take turns at low frame rates, so that not
     all speak in the same tick.
     """
-    rules, views, work = arrays.rules, borrowed(arrays.views), borrowed(arrays.work)
-    sensed, frames, memory = borrowed(arrays.sensed), borrowed(arrays.frames), borrowed(arrays.memory)
+    rules, _, views, work, sensed, frames, memory = parts_of(arrays)
     for row in range(work.me.shape[0]):
         work.sent[row] = work.awake[row] and (tick + work.me[row]) % rules.frame_every == 0
         if not work.awake[row]:
             continue
-        ax, ay = command[row, 0], command[row, 1]
-        if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
-            ax, ay = 0.0, 0.0
+        wanted = vector(command, row)
+        if not (abs(wanted[0]) <= ABSURD_MPS2 and abs(wanted[1]) <= ABSURD_MPS2):
+            wanted = (0.0, 0.0)
         if rules.detour:
-            ax, ay = leave_pocket(ax, ay, row, rules, work, sensed, memory)
+            wanted = leave_pocket(wanted, row, rules, work, sensed, memory)
         if rules.filtered:
-            ax, ay = safety_filter(
-                ax, ay, sensed.motion[row, 2], sensed.motion[row, 3], memory.near_count[row], memory.near_rel[row],
-                memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row],
-                rules.limits,
-            )  # fmt: skip
-        command[row, 0], command[row, 1] = ax, ay
+            near, discs = neighbours_of(memory, row), discs_of(memory, row)
+            wanted = safety_filter(wanted, vector(sensed.velocity, row), near, discs, rules.limits)
+        command[row, 0], command[row, 1] = wanted
         if work.sent[row]:
-            compose_row(tick, row, first + row, views.slot[row], rules, work, sensed, frames, memory)
+            compose_row(tick, row, first + row, rules, work, sensed, frames, memory)
+            frames.slot[first + row] = views.slot[row]
             frames.digest[first + row] = views.digest[row]
             frames.loud[first + row] = 0

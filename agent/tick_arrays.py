@@ -11,40 +11,33 @@ from numpy.typing import NDArray
 
 from agent.control.gains import Gains, SafetyLimits
 from agent.memory import Memory
-from protocols.kernels import borrowed, by_reference, kernel
+from protocols.kernels import borrowed, by_reference, inlined_kernel, kernel
+from protocols.relative import RadioRules
 from protocols.slots import trigger
+from protocols.slots.trigger import Shape, SwapRules
 from protocols.wire.frames import OBSERVATION_SIZE, Frames
 from protocols.wire.sensed import Sensed
 
 
 class Rules(NamedTuple):
-    """What a mission means in ticks, metres and yes or no."""
+    """What a mission means in ticks, metres and yes or no.
+
+    by_sensor: neighbours are sensed, not heard. chain: aim at the leader's position. filtered: the safety filter is on.
+    frame_every: ticks from frame to frame. reach_m: of the sensors.
+    """
 
     by_sensor: bool
     remember_obstacles: bool
     chain: bool
     detour: bool
     filtered: bool
-    connected: bool
-    swap_rule: int
-    memory_ticks: int
-    silent_ticks: int
-    max_hops: int
     frame_every: int
-    range_m: float
     reach_m: float
-    margin_m: float
     target_mps: float
+    radio: RadioRules
+    swap: SwapRules
     gains: Gains
     limits: SafetyLimits
-
-
-class Shape(NamedTuple):
-    """The formation: offsets (N, 2) [m], parent (N,), depth (N,) edges up to the root."""
-
-    offsets: NDArray[np.float64]
-    parent: NDArray[np.int16]
-    depth: NDArray[np.int64]
 
 
 class Views(NamedTuple):
@@ -81,9 +74,8 @@ class Work(NamedTuple):
     sent: NDArray[np.bool_]
 
 
-@by_reference
-class TickArrays:
-    """The one object; made by `make_tick_arrays`. Its fields are for kernels only."""
+class Parts(NamedTuple):
+    """Everything together."""
 
     rules: Rules
     shape: Shape
@@ -94,29 +86,48 @@ class TickArrays:
     memory: Memory
 
 
-@kernel
-def _lay_out(
-    rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
-) -> TickArrays:
-    return TickArrays(
-        rules,
-        borrowed(shape),
-        borrowed(views),
-        borrowed(work),
-        borrowed(sensed),
-        borrowed(frames),
-        borrowed(memory),
+@by_reference
+class TickArrays:
+    """The one object; made by `make_tick_arrays`, and taken apart in kernels by `parts_of`."""
+
+    rules: Rules
+    shape: Shape
+    views: Views
+    work: Work
+    sensed: Sensed
+    frames: Frames
+    memory: Memory
+
+
+@inlined_kernel
+def parts_of(arrays: TickArrays) -> Parts:
+    """What the one object holds."""
+    return Parts(
+        arrays.rules,
+        borrowed(arrays.shape),
+        borrowed(arrays.views),
+        borrowed(arrays.work),
+        borrowed(arrays.sensed),
+        borrowed(arrays.frames),
+        borrowed(arrays.memory),
     )
 
 
-def make_tick_arrays(
-    rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, frames: Frames, memory: Memory
-) -> TickArrays:
+@kernel
+def make_tick_arrays(parts: Parts) -> TickArrays:
     """Lay the arrays out once; kernels then share them with Python.
 
-    The arrays borrows the arrays: whoever made them must keep them for as long as it is used.
+    The arrays are borrowed: whoever made them must keep them for as long as what is returned is used.
     """
-    return _lay_out(rules, shape, views, work, sensed, frames, memory)
+    return TickArrays(
+        parts.rules,
+        borrowed(parts.shape),
+        borrowed(parts.views),
+        borrowed(parts.work),
+        borrowed(parts.sensed),
+        borrowed(parts.frames),
+        borrowed(parts.memory),
+    )
 
 
 def empty_views(rows: int, agents: int) -> Views:

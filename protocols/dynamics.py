@@ -6,17 +6,27 @@ p'  = p + dt/2 (v + v')
 """
 
 import math
+from typing import Any
+
+from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel, kernel
 
 TICK_S = 0.01  #: one tick of every clock, for everyone
 TICKS_PER_S = 100
+Vector = tuple[float, float]  #: (x forward, y left)
 ABSURD_MPS2 = 1e6  # a component of a command beyond this is an error, not a wish: nobody follows it
 
 
 def ticks_of(seconds: float) -> int:
     """The whole number of ticks nearest to so many seconds."""
     return round(seconds / TICK_S)
+
+
+@inlined_kernel
+def vector(rows: NDArray[Any], row: int) -> Vector:
+    """One row of an array (R, 2)."""
+    return rows[row, 0], rows[row, 1]
 
 
 @kernel
@@ -36,9 +46,10 @@ def target_x(tick: int, target_mps: float) -> float:
 
 @kernel
 def integrate(
-    px: float, py: float, vx: float, vy: float, ax: float, ay: float, a_max: float, v_max: float, dt: float
-) -> tuple[float, float, float, float]:
+    position: Vector, velocity: Vector, command: Vector, a_max: float, v_max: float, dt: float
+) -> tuple[Vector, Vector]:
     """Position [m] and velocity [m/s] after one step of ``dt`` seconds under the commanded acceleration [m/s^2]."""
-    ax, ay = clip_ball(ax, ay, a_max)
+    (px, py), (vx, vy) = position, velocity
+    ax, ay = clip_ball(command[0], command[1], a_max)
     wx, wy = clip_ball(vx + ax * dt, vy + ay * dt, v_max)
-    return px + 0.5 * dt * (vx + wx), py + 0.5 * dt * (vy + wy), wx, wy
+    return (px + 0.5 * dt * (vx + wx), py + 0.5 * dt * (vy + wy)), (wx, wy)

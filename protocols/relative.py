@@ -10,6 +10,8 @@ neighbour heard last is taken, then the one through the smallest agent number. A
 believed for ``memory`` ticks: its last displacements are held.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,49 +21,65 @@ UNKNOWN = 99  # hops to a drone that is out of reach
 NEVER = -1_000_000  # tick of something that has not happened
 
 
+class RadioRules(NamedTuple):
+    """How far a frame reaches [m], for how many ticks it is believed, and over how many hops one knows of others."""
+
+    range_m: float
+    memory_ticks: int
+    max_hops: int
+
+
+class Nearby(NamedTuple):
+    """The drones in sight: the first ``size`` rows of number (K,) and rel (K, 2), they minus me [m]."""
+
+    size: int
+    number: NDArray[np.int64]
+    rel: NDArray[np.float64]
+
+
+class Heard(NamedTuple):
+    """What the last frame from each drone said, the one-hop drones first.
+
+    tick: (N,) when it was sent. one_hop, known_count: (N,). known: (N, J) drone numbers; displacement: (N, J, 2) they minus the
+    sender [m].
+    """
+
+    tick: NDArray[np.int64]
+    one_hop: NDArray[np.int64]
+    known_count: NDArray[np.int64]
+    known: NDArray[np.uint8]
+    displacement: NDArray[np.float32]
+
+
 @inlined_kernel
 def chain_displacements(
     me: int,
     tick: int,
-    memory: int,
-    max_hops: int,
-    near_count: int,
-    near_id: NDArray[np.int64],
-    near_rel: NDArray[np.float64],
-    heard_tick: NDArray[np.int64],
-    one_hop: NDArray[np.int64],
-    known_count: NDArray[np.int64],
-    known: NDArray[np.uint8],
-    displacement: NDArray[np.float32],
+    rules: RadioRules,
+    near: Nearby,
+    heard: Heard,
     hops: NDArray[np.int64],
     rel: NDArray[np.float64],
 ) -> None:
-    """Hops to every drone and its position relative to me.
-
-    Args:
-        near_count, near_id, near_rel: my neighbours now, displacements (K, 2) [m].
-        heard_tick: (N,) tick of the last frame from each drone. one_hop, known_count, known, displacement: (N, ...) what that
-            frame said, the one-hop drones first.
-        hops: (N,) out. rel: (N, 2) out, that drone minus me [m]; valid where hops < UNKNOWN.
-    """
+    """Hops to every drone, (N,), and its position relative to me, (N, 2) [m], valid where hops < UNKNOWN; both are written."""
     hops[:] = UNKNOWN
     hops[me], rel[me, 0], rel[me, 1] = 0, 0.0, 0.0
-    for index in range(near_count):
-        other = near_id[index]
-        hops[other], rel[other, 0], rel[other, 1] = 1, near_rel[index, 0], near_rel[index, 1]
-    for distance in range(2, max_hops + 1):
+    for index in range(near.size):
+        other = near.number[index]
+        hops[other], rel[other, 0], rel[other, 1] = 1, near.rel[index, 0], near.rel[index, 1]
+    for distance in range(2, rules.max_hops + 1):
         freshest = np.full(hops.shape[0], NEVER)
-        for index in range(near_count):
-            via = near_id[index]
-            if tick - heard_tick[via] > memory:
+        for index in range(near.size):
+            via = near.number[index]
+            if tick - heard.tick[via] > rules.memory_ticks:
                 continue
-            first = 0 if distance == 2 else one_hop[via]
-            last = one_hop[via] if distance == 2 else known_count[via]
+            first = 0 if distance == 2 else heard.one_hop[via]
+            last = heard.one_hop[via] if distance == 2 else heard.known_count[via]
             for entry in range(first, last):
-                other = known[via, entry]
-                if hops[other] < distance or heard_tick[via] <= freshest[other]:
+                other = heard.known[via, entry]
+                if hops[other] < distance or heard.tick[via] <= freshest[other]:
                     continue
-                freshest[other] = heard_tick[via]
+                freshest[other] = heard.tick[via]
                 hops[other] = distance
-                rel[other, 0] = near_rel[index, 0] + displacement[via, entry, 0]
-                rel[other, 1] = near_rel[index, 1] + displacement[via, entry, 1]
+                rel[other, 0] = near.rel[index, 0] + heard.displacement[via, entry, 0]
+                rel[other, 1] = near.rel[index, 1] + heard.displacement[via, entry, 1]

@@ -48,20 +48,22 @@ class Inbox(NamedTuple):
     arrived: NDArray[np.int32]
 
 
+class _Said(NamedTuple):
+    """The numbers among `Answers`."""
+
+    command: NDArray[np.float64]
+    sent_bytes: NDArray[np.int64]
+    claim: NDArray[np.int64]
+
+
 @kernel
 def _take_answers(
-    tick: NDArray[np.int64],
-    responsive: NDArray[np.bool_],
-    flying: NDArray[np.bool_],
-    command: NDArray[np.float64],
-    sent_bytes: NDArray[np.int64],
-    claim: NDArray[np.int64],
-    commands: NDArray[np.float64],
-    sent: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    claims: NDArray[np.int16],
-) -> None:
+    tick: NDArray[np.int64], responsive: NDArray[np.bool_], bodies: physics.Bodies, said: _Said, sent: NDArray[np.int64],
+    sizes: NDArray[np.int64], claims: NDArray[np.int16],
+) -> None:  # fmt: skip
     """Take over, from rows, what those said that are awake; the others' commands and claims stay, and they sent nothing."""
+    flying, commands = bodies.flying, bodies.command
+    command, sent_bytes, claim = said
     worlds, agents = flying.shape
     for world in range(worlds):
         bucket = tick[world] % sizes.shape[1]
@@ -136,7 +138,17 @@ class WorldCore:
         self._information_bound = (
             information_bound.empty_information_bound(worlds, agents, self.ring) if first.faults else None
         )
-        self._is_leaf = self.plan.is_leaf
+        self._bodies = physics.Bodies(
+            self.flying, self.position, self.velocity, self.command, self.condition.ability
+        )
+        self._ground = physics.Ground(self.goal_x, self.obstacle_count, self.obstacles)
+        self._standard = referee.Standard(
+            self.plan.offsets, self.plan.parent, self.plan.is_leaf, self.plan.spacing, first.edge_tolerance,
+            first.limits.collision_m,
+        )  # fmt: skip
+        self._findings = referee.Findings(self.nearest, self.edge_error, self.verdict)
+        self._clocks = medium.Clocks(self._seeds, self.tick, self.active)
+        self._air = medium.Air(self.flying, self.condition.group, self.position, self._sent)
         self._judgements = [Judgement(mission) for mission in missions]
         self.outcomes: list[Outcome | None] = [None] * worlds
 
@@ -176,8 +188,8 @@ class WorldCore:
     def _sense(self) -> None:
         mission = self.missions[0]
         physics.sense(
-            self.active, self.flying, self.position, self.velocity, self.obstacle_count, self.obstacles,
-            mission.sensing.range_m, mission.sensing.neighbours == "sensed", self.sensed,
+            self.active, self._bodies, self._ground, mission.sensing.range_m, mission.sensing.neighbours == "sensed",
+            self.sensed,
         )  # fmt: skip
 
     def _deliver(self) -> Inbox:
@@ -205,32 +217,14 @@ class WorldCore:
     def advance(self, answers: Answers) -> list[int]:
         """Move all worlds by one tick; return those whose flight has just ended."""
         mission, limits = self.missions[0], self.missions[0].limits
-        _take_answers(
-            self.tick,
-            self.responsive,
-            self.flying,
-            answers.command,
-            answers.sent_bytes,
-            answers.claim,
-            self.command,
-            self._sent,
-            self._sizes,
-            self.claim,
-        )
-        medium.relay(
-            self._link, self._seeds, self.tick, self.active, self.flying, self.condition.group, self.position, self._sent,
-            self._bad, self._queue, self.tally,
-        )  # fmt: skip
-        physics.move(
-            self.active, self.flying, self.position, self.velocity, self.command, self.condition.ability,
-            limits.acceleration_mps2, limits.speed_mps, TICK_S,
-        )  # fmt: skip
+        said = _Said(answers.command, answers.sent_bytes, answers.claim)
+        _take_answers(self.tick, self.responsive, self._bodies, said, self._sent, self._sizes, self.claim)
+        medium.relay(self._link, self._clocks, self._air, self._bad, self._queue, self.tally)
+        physics.move(self.active, self._bodies, limits.acceleration_mps2, limits.speed_mps, TICK_S)
         _next_tick(self.active, self.tick, self.target, mission.target.speed_mps)
         referee.judge(
-            self.active, self.flying, self.position, self.claim, self.target, self.goal_x, self.obstacle_count, self.obstacles,
-            self.plan.offsets, self.plan.parent, self._is_leaf, self.plan.spacing, mission.edge_tolerance, limits.collision_m,
-            self.nearest, self.edge_error, self.verdict,
-        )  # fmt: skip
+            self.active, self._bodies, self.claim, self._ground, self.target, self._standard, self._findings
+        )
         return self._settle()
 
     def _settle(self) -> list[int]:

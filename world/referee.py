@@ -9,12 +9,14 @@ A drone that died is out of the air. Its slot may stay empty only if that slot i
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel, kernel
 from protocols.mission.formation import NO_PARENT
+from world.plant import Bodies, Ground
 
 # Columns of a verdict: one row of floats per world and tick.
 (CLOSEST_AGENTS, AGENT_A, AGENT_B, CLOSEST_OBSTACLE, AGENT_C, OBSTACLE, EDGE_ERROR, EDGE_CHILD, SLOT_ERROR, COMPLETE, PASSED,
@@ -22,34 +24,51 @@ from protocols.mission.formation import NO_PARENT
 VERDICT_SIZE = 15
 
 
+class Standard(NamedTuple):
+    """What is judged by: offsets (N, 2) [m], parent (N,), is_leaf (N,): the formation. spacing_m: the length of its edges,
+    edge_tolerance: the relative error below which one stands. collision_m: nearer than this is a collision."""
+
+    offsets: NDArray[np.float64]
+    parent: NDArray[np.int16]
+    is_leaf: NDArray[np.bool_]
+    spacing_m: float
+    edge_tolerance: float
+    collision_m: float
+
+
+class Findings(NamedTuple):
+    """What is found.
+
+    nearest: (E, N) distance to the nearest drone or obstacle surface [m]. edge_error: (E, N) relative length error of the edge to
+    the leader's slot, 0 for the root's holder.
+    verdict: (E, VERDICT_SIZE) closest pair of drones [m, who, who]; closest obstacle surface [m, who, which]; worst
+        relative edge error and the agent at its follower end; worst distance from virtual target + slot offset [m];
+        1 if all slots but empty leaves are held; 1 if all have passed the goal line; slots claimed more than once; 1 if
+        the formation stands; 1 if it stands beyond the goal line, which is success; 1 if anything collided.
+    """
+
+    nearest: NDArray[np.float64]
+    edge_error: NDArray[np.float64]
+    verdict: NDArray[np.float64]
+
+
 @inlined_kernel
 def judge_world(
-    world: int,
-    flying: NDArray[np.bool_],
-    position: NDArray[np.float64],
-    claim: NDArray[np.int16],
-    target_x: float,
-    goal_x: NDArray[np.float64],
-    obstacle_count: NDArray[np.int64],
-    obstacles: NDArray[np.float64],
-    offsets: NDArray[np.float64],
-    parent: NDArray[np.int16],
-    is_leaf: NDArray[np.bool_],
-    spacing: float,
-    edge_tolerance: float,
-    collision_m: float,
-    holder: NDArray[np.int64],
-    nearest: NDArray[np.float64],
-    edge_error: NDArray[np.float64],
-    verdict: NDArray[np.float64],
-) -> None:
+    world: int, bodies: Bodies, claim: NDArray[np.int16], ground: Ground, target_x: float, standard: Standard,
+    findings: Findings, holder: NDArray[np.int64],
+) -> None:  # fmt: skip
     """Measure one world after a tick; arguments as `judge`. ``holder`` (N,): scratch. ``target_x``: the virtual target [m]."""
+    flying, position = bodies.flying, bodies.position
+    obstacle_count, obstacles = ground.obstacle_count, ground.obstacles
+    offsets, parent, spacing = standard.offsets, standard.parent, standard.spacing_m
+    nearest, edge_error = findings.nearest, findings.edge_error
     agents = flying.shape[1]
-    result = verdict[world]
+    result = findings.verdict[world]
     result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE] = np.inf, np.inf
     result[EDGE_ERROR], result[EDGE_CHILD], result[SLOT_ERROR] = 0.0, -1, 0.0
     result[COMPLETE], result[PASSED], result[SHARED_SLOTS] = 1.0, 1.0, 0.0
-    nearest[world], edge_error[world], holder[:] = np.inf, 0.0, -1
+    for agent in range(agents):
+        nearest[world, agent], edge_error[world, agent], holder[agent] = np.inf, 0.0, -1
     for agent in range(agents):  # pairs, by squares of distances
         if not flying[world, agent]:
             continue
@@ -78,7 +97,7 @@ def judge_world(
             nearest[world, agent] = min(nearest[world, agent], gap)
             if gap < result[CLOSEST_OBSTACLE]:
                 result[CLOSEST_OBSTACLE], result[AGENT_C], result[OBSTACLE] = gap, agent, index
-        if px <= goal_x[world]:
+        if px <= ground.goal_x[world]:
             result[PASSED] = 0.0
         slot = claim[world, agent]
         if holder[slot] >= 0:
@@ -90,7 +109,7 @@ def judge_world(
     for slot in range(agents):
         follower = holder[slot]
         if follower < 0:
-            if not is_leaf[slot]:
+            if not standard.is_leaf[slot]:
                 result[COMPLETE] = 0.0
             continue
         if parent[slot] == NO_PARENT or holder[parent[slot]] < 0:
@@ -102,47 +121,25 @@ def judge_world(
         edge_error[world, follower] = error
         if error > result[EDGE_ERROR]:
             result[EDGE_ERROR], result[EDGE_CHILD] = error, follower
-    stands = anyone and result[COMPLETE] > 0.0 and result[EDGE_ERROR] < edge_tolerance
+    stands = anyone and result[COMPLETE] > 0.0 and result[EDGE_ERROR] < standard.edge_tolerance
     result[STANDING] = 1.0 if stands else 0.0
     result[FORMED] = 1.0 if stands and result[PASSED] > 0.0 else 0.0
-    result[COLLIDED] = 1.0 if min(result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE]) < collision_m else 0.0
+    result[COLLIDED] = (
+        1.0 if min(result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE]) < standard.collision_m else 0.0
+    )
 
 
 @kernel
 def judge(
-    active: NDArray[np.bool_],
-    flying: NDArray[np.bool_],
-    position: NDArray[np.float64],
-    claim: NDArray[np.int16],
-    target: NDArray[np.float64],
-    goal_x: NDArray[np.float64],
-    obstacle_count: NDArray[np.int64],
-    obstacles: NDArray[np.float64],
-    offsets: NDArray[np.float64],
-    parent: NDArray[np.int16],
-    is_leaf: NDArray[np.bool_],
-    spacing: float,
-    edge_tolerance: float,
-    collision_m: float,
-    nearest: NDArray[np.float64],
-    edge_error: NDArray[np.float64],
-    verdict: NDArray[np.float64],
-) -> None:
-    """Measure every active world after a tick.
+    active: NDArray[np.bool_], bodies: Bodies, claim: NDArray[np.int16], ground: Ground, target: NDArray[np.float64],
+    standard: Standard, findings: Findings,
+) -> None:  # fmt: skip
+    """Measure every active world (E,) after a tick, into ``findings``.
 
     Args:
-        claim: (E, N) the slot each agent says it holds. offsets (N, 2), parent (N,), is_leaf (N,): the formation.
-        nearest: (E, N) out: distance to the nearest drone or obstacle surface [m].
-        edge_error: (E, N) out: relative length error of the edge to the leader's slot, 0 for the root's holder.
-        verdict: (E, VERDICT_SIZE) out: closest pair of drones [m, who, who]; closest obstacle surface [m, who, which]; worst
-            relative edge error and the agent at its follower end; worst distance from virtual target + slot offset [m];
-            1 if all slots but empty leaves are held; 1 if all have passed the goal line; slots claimed more than once; 1 if
-            the formation stands; 1 if it stands beyond the goal line, which is success; 1 if anything collided.
+        claim: (E, N) the slot each agent says it holds. target: (E,) x of the virtual target [m].
     """
-    holder = np.empty(flying.shape[1], np.int64)
-    for world in range(flying.shape[0]):
+    holder = np.empty(bodies.flying.shape[1], np.int64)
+    for world in range(active.shape[0]):
         if active[world]:
-            judge_world(
-                world, flying, position, claim, target[world], goal_x, obstacle_count, obstacles, offsets, parent, is_leaf,
-                spacing, edge_tolerance, collision_m, holder, nearest, edge_error, verdict,
-            )  # fmt: skip
+            judge_world(world, bodies, claim, ground, target[world], standard, findings, holder)

@@ -13,21 +13,19 @@ does not depend on N.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from agent.control.gains import Gains
+from agent.control.surroundings import Neighbours
+from protocols.dynamics import Vector, vector
 from protocols.kernels import inlined_kernel
 
 
 @inlined_kernel
-def pair_term(
-    r_x: float, r_y: float, w_x: float, w_y: float, u_x: float, u_y: float, gains: Gains
-) -> tuple[float, float]:
+def pair_term(r: Vector, w: Vector, u: Vector, gains: Gains) -> Vector:
     """Acceleration [m/s²] because of one neighbour.
 
     ``r``: its position minus mine [m]; ``w``: its velocity minus mine [m/s]; ``u``: my heading (unit).
     """
+    (r_x, r_y), (w_x, w_y), (u_x, u_y) = r, w, u
     d = math.sqrt(r_x * r_x + r_y * r_y)
     if d < 1e-6:
         return 0.0, 0.0
@@ -75,19 +73,12 @@ def pair_term(
 
 
 @inlined_kernel
-def agent_terms(
-    k: int,
-    rel: NDArray[np.float64],
-    vel: NDArray[np.float64],
-    u_x: float,
-    u_y: float,
-    gains: Gains,
-) -> tuple[float, float]:
-    """Sum of ``pair_term`` over the first ``k`` rows of ``rel`` [m], ``vel`` [m/s] (K, 2), other minus me."""
+def agent_terms(near: Neighbours, u: Vector, gains: Gains) -> Vector:
+    """Sum of ``pair_term`` over all neighbours [m/s²]; ``u``: my heading."""
     a_x = 0.0
     a_y = 0.0
-    for j in range(k):
-        b_x, b_y = pair_term(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], u_x, u_y, gains)
+    for j in range(near.size):
+        b_x, b_y = pair_term(vector(near.rel, j), vector(near.vel, j), u, gains)
         a_x += b_x
         a_y += b_y
     return a_x, a_y

@@ -11,9 +11,20 @@ its way.
 """
 
 import math
+from typing import NamedTuple
 
 from agent.control.gains import Gains
+from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
+
+
+class Aim(NamedTuple):
+    """Where one drone wants to be: errors are target minus own position [m]; its own velocity and the target's [m/s]."""
+
+    chain_error: Vector
+    slot_error: Vector
+    velocity: Vector
+    target_velocity: Vector
 
 
 @inlined_kernel
@@ -27,20 +38,11 @@ def saturated(x: float, y: float, reach: float) -> tuple[float, float]:
 
 
 @inlined_kernel
-def attraction(
-    ec_x: float,
-    ec_y: float,
-    eg_x: float,
-    eg_y: float,
-    v_x: float,
-    v_y: float,
-    vt_x: float,
-    vt_y: float,
-    gains: Gains,
-) -> tuple[float, float]:
-    """Acceleration [m/s²] towards the targets at ``ec``, ``eg`` [m] from me, both moving at ``vt`` [m/s]."""
-    chain_x, chain_y = saturated(ec_x, ec_y, gains.chain_reach)
-    slot_x, slot_y = saturated(eg_x, eg_y, gains.slot_reach)
+def attraction(aim: Aim, gains: Gains) -> Vector:
+    """Acceleration [m/s²] towards the chain target and the slot target."""
+    chain_x, chain_y = saturated(aim.chain_error[0], aim.chain_error[1], gains.chain_reach)
+    slot_x, slot_y = saturated(aim.slot_error[0], aim.slot_error[1], gains.slot_reach)
+    (v_x, v_y), (vt_x, vt_y) = aim.velocity, aim.target_velocity
     damping = gains.chain_damping + gains.slot_damping
     a_x = gains.chain_pull * chain_x + gains.slot_pull * slot_x + damping * (vt_x - v_x)
     a_y = gains.chain_pull * chain_y + gains.slot_pull * slot_y + damping * (vt_y - v_y)
@@ -48,10 +50,9 @@ def attraction(
 
 
 @inlined_kernel
-def heading(
-    ec_x: float, ec_y: float, eg_x: float, eg_y: float, vt_x: float, vt_y: float, gains: Gains
-) -> tuple[float, float]:
+def heading(aim: Aim, gains: Gains) -> Vector:
     """Unit vector of where the agent wants to go; (1, 0) where the error cancels the look-ahead exactly."""
+    (ec_x, ec_y), (eg_x, eg_y), (vt_x, vt_y) = aim.chain_error, aim.slot_error, aim.target_velocity
     total = gains.chain_pull + gains.slot_pull
     u_x = (gains.chain_pull * ec_x + gains.slot_pull * eg_x) / total
     u_y = (gains.chain_pull * ec_y + gains.slot_pull * eg_y) / total

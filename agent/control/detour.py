@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.agents import agent_terms
-from agent.memory import Memory
+from agent.memory import Memory, neighbours_of
 from agent.tick_arrays import Rules, Work
+from protocols.dynamics import Vector, vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.wire.sensed import Sensed
 
@@ -121,40 +122,40 @@ def next_corner(
 
 @inlined_kernel
 def leave_pocket(
-    a_x: float, a_y: float, row: int, rules: Rules, work: Work, sensed: Sensed, memory: Memory
-) -> tuple[float, float]:
-    """The acceleration [m/s²] a drone wants, ``a`` where it gets along by itself; keeps ``memory.stalled`` and ``memory.way``."""
-    error, motion, target_velocity = work.slot_error[row], sensed.motion[row], work.target_velocity[row]
-    v_x, v_y = motion[2], motion[3]
+    wanted: Vector, row: int, rules: Rules, work: Work, sensed: Sensed, memory: Memory
+) -> Vector:
+    """The acceleration [m/s²] a drone wants, ``wanted`` where it gets along by itself.
+
+    Keeps ``memory.stalled`` and ``memory.way``.
+    """
+    error = work.slot_error[row]
+    (p_x, p_y), (v_x, v_y) = vector(sensed.position, row), vector(sensed.velocity, row)
     far = math.sqrt(error[0] * error[0] + error[1] * error[1])
     on_detour = memory.stalled[row] - STALLED_TICKS
     if on_detour < 0:
         closes = v_x * error[0] + v_y * error[1] > _CLOSING_MPS * far
         memory.stalled[row] = 0 if closes or far < _FAR_M else memory.stalled[row] + 1
-        return a_x, a_y
+        return wanted
     way = memory.way[row]
-    x, y = way[0] - motion[0], way[1] - motion[1]
+    x, y = way[0] - p_x, way[1] - p_y
     if on_detour % _PLAN_TICKS == 0 or (way[2] > 0.0 and x * x + y * y < _REACHED_M * _REACHED_M):
         m, rel, radius = memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
         kept = rules.limits.obstacle_clearance
         corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _WIDE_M)
         if corners < 0:
             corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _TIGHT_M)
-        way[0], way[1], way[2] = motion[0] + x, motion[1] + y, corners
+        way[0], way[1], way[2] = p_x + x, p_y + y, corners
     if way[2] < 0.0 or (way[2] == 0.0 and (far < _HOME_M or on_detour == 0)):
         memory.stalled[row] = 0
-        return a_x, a_y
+        return wanted
     memory.stalled[row] += 1
     speed = _AROUND_MPS
     if way[2] == 0.0:
         x, y = error[0], error[1]  # the slot moves
-        target_mps = math.sqrt(
-            target_velocity[0] * target_velocity[0] + target_velocity[1] * target_velocity[1]
-        )
+        vt_x, vt_y = vector(work.target_velocity, row)
+        target_mps = math.sqrt(vt_x * vt_x + vt_y * vt_y)
         speed = max(_HOME_MPS, target_mps + _CATCH_UP_MPS)
     length = max(math.sqrt(x * x + y * y), 1e-9)
     u_x, u_y = x / length, y / length
-    apart_x, apart_y = agent_terms(
-        memory.near_count[row], memory.near_rel[row], memory.near_vel[row], u_x, u_y, rules.gains
-    )
+    apart_x, apart_y = agent_terms(neighbours_of(memory, row), (u_x, u_y), rules.gains)
     return _GAIN * (speed * u_x - v_x) + apart_x, _GAIN * (speed * u_y - v_y) + apart_y

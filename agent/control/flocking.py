@@ -13,10 +13,9 @@ interaction is faded out to nothing at its range by the bump function ``rho_h``.
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from agent.control.gains import GAINS
+from agent.control.surroundings import Discs, Neighbours
+from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
 from protocols.mission.document import Mission
 
@@ -131,32 +130,20 @@ def gamma_term(r_x: float, r_y: float, w_x: float, w_y: float, gains: Flocking) 
 
 @inlined_kernel
 def flocking(
-    k: int,
-    rel: NDArray[np.float64],
-    vel: NDArray[np.float64],
-    m: int,
-    o_rel: NDArray[np.float64],
-    o_radius: NDArray[np.float64],
-    v_x: float,
-    v_y: float,
-    g_x: float,
-    g_y: float,
-    vg_x: float,
-    vg_y: float,
-    gains: Flocking,
-) -> tuple[float, float]:
+    near: Neighbours, discs: Discs, v: Vector, leader: Vector, leader_velocity: Vector, gains: Flocking
+) -> Vector:
     """The sum of all terms [m/s^2] for one drone.
 
-    ``rel`` [m], ``vel`` [m/s] (K, 2): neighbours minus me, first ``k`` rows; ``o_rel`` (M, 2): obstacle centres minus me [m],
-    ``o_radius`` (M,) [m], first ``m`` rows; ``v``: own velocity; ``g`` [m]: virtual leader minus me, ``vg`` [m/s]: its velocity.
+    ``v``: own velocity [m/s]; ``leader``: the virtual leader minus me [m], ``leader_velocity``: its velocity [m/s].
     """
-    a_x, a_y = gamma_term(g_x, g_y, vg_x - v_x, vg_y - v_y, gains)
-    for j in range(k):
-        b_x, b_y = alpha_term(rel[j, 0], rel[j, 1], vel[j, 0], vel[j, 1], gains)
+    v_x, v_y = v
+    a_x, a_y = gamma_term(leader[0], leader[1], leader_velocity[0] - v_x, leader_velocity[1] - v_y, gains)
+    for j in range(near.size):
+        b_x, b_y = alpha_term(near.rel[j, 0], near.rel[j, 1], near.vel[j, 0], near.vel[j, 1], gains)
         a_x += b_x
         a_y += b_y
-    for i in range(m):
-        b_x, b_y = beta_term(o_rel[i, 0], o_rel[i, 1], o_radius[i], v_x, v_y, gains)
+    for i in range(discs.size):
+        b_x, b_y = beta_term(discs.rel[i, 0], discs.rel[i, 1], discs.radius[i], v_x, v_y, gains)
         a_x += b_x
         a_y += b_y
     return a_x, a_y

@@ -15,11 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.attraction import Aim
 from agent.control.fusion import apf_blend
 from agent.control.gains import Gains, gains_for, reactive_part
+from agent.control.surroundings import Discs, Neighbours
 from agent.control.tracking import required_acceleration, smooth_acceleration
 from agent.policy.analytic_kernel import analytic
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, Vector
 from protocols.kernels import inlined_kernel
 from protocols.mission.document import Mission
 
@@ -43,21 +45,21 @@ def following_of(mission: Mission) -> Following:
     )
 
 
+class Plan(NamedTuple):
+    """One drone's plan over P ticks: start (4,) p0 [m] and v0 [m/s], displacement (P, 2) [m], acceleration (P, 2) [m/s²]."""
+
+    start: NDArray[np.float64]
+    displacement: NDArray[np.float32]
+    acceleration: NDArray[np.float32]
+
+
 @inlined_kernel
-def track_row(
-    age: int,
-    start: NDArray[np.float64],
-    displacement: NDArray[np.float32],
-    acceleration: NDArray[np.float32],
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    required: bool,
-) -> tuple[float, float]:
+def track_row(age: int, plan: Plan, position: Vector, velocity: Vector, required: bool) -> Vector:
     """Acceleration [m/s²] that keeps a drone on a plan made ``age`` ticks ago, 0 <= age < P.
 
-    ``start`` (4,): p0 [m], v0 [m/s]; ``displacement`` [m], ``acceleration`` [m/s²] (P, 2): the plan; ``position`` [m],
-    ``velocity`` [m/s] (2,): now.
+    ``position`` [m], ``velocity`` [m/s]: now.
     """
+    start, displacement, acceleration = plan.start, plan.displacement, plan.acceleration
     p_x, p_y = start[0] - position[0], start[1] - position[1]
     if required:
         ahead = (age + 1) * TICK_S
@@ -75,10 +77,10 @@ def track_row(
 
 
 @inlined_kernel
-def _nearest(
-    k: int, rel: NDArray[np.float64], m: int, o_rel: NDArray[np.float64], o_radius: NDArray[np.float64]
-) -> tuple[float, float]:
+def _nearest(near: Neighbours, discs: Discs) -> tuple[float, float]:
     """Distance [m] to the nearest agent and to the nearest obstacle's surface; inf where there is none."""
+    k, rel = near.size, near.rel
+    m, o_rel, o_radius = discs.size, discs.rel, discs.radius
     r_agent, r_obs = math.inf, math.inf
     for j in range(k):
         r_agent = min(r_agent, math.sqrt(rel[j, 0] * rel[j, 0] + rel[j, 1] * rel[j, 1]))
@@ -89,44 +91,15 @@ def _nearest(
 
 @inlined_kernel
 def follow_row(
-    age: int,
-    start: NDArray[np.float64],
-    displacement: NDArray[np.float32],
-    acceleration: NDArray[np.float32],
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    slot_error: NDArray[np.float64],
-    target_velocity: NDArray[np.float64],
-    k: int,
-    rel: NDArray[np.float64],
-    vel: NDArray[np.float64],
-    m: int,
-    o_rel: NDArray[np.float64],
-    o_radius: NDArray[np.float64],
-    o_side: NDArray[np.int8],
-    following: Following,
-) -> tuple[float, float]:
+    age: int, plan: Plan, position: Vector, aim: Aim, near: Neighbours, discs: Discs, following: Following
+) -> Vector:
     """Wanted acceleration [m/s²] of one drone that flies a plan made ``age`` ticks ago, not yet limited.
 
-    The plan is as in `track_row`, what is around as in `agent.policy.analytic_kernel.analytic`; ``o_side`` is updated where
-    the reactive controller counts.
+    ``position``: now [m]. ``discs.side`` is updated where the reactive controller counts, which looks at nothing but the slot.
     """
-    a_x, a_y = track_row(age, start, displacement, acceleration, position, velocity, following.required)
-    r_agent, r_obs = _nearest(k, rel, m, o_rel, o_radius)
+    a_x, a_y = track_row(age, plan, position, aim.velocity, following.required)
+    r_agent, r_obs = _nearest(near, discs)
     if min(r_agent, r_obs) >= following.blend_radius_m:
         return a_x, a_y
-    apf_x, apf_y = analytic(
-        slot_error,
-        slot_error,
-        velocity,
-        target_velocity,
-        k,
-        rel,
-        vel,
-        m,
-        o_rel,
-        o_radius,
-        o_side,
-        following.reactive,
-    )
+    apf_x, apf_y = analytic(aim, near, discs, following.reactive)
     return apf_blend(a_x, a_y, apf_x, apf_y, r_agent, r_obs, following.blend_radius_m)

@@ -17,10 +17,9 @@ A push alone leaves an agent in front of an obstacle where push and attraction b
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from agent.control.gains import Gains
+from agent.control.surroundings import Discs
+from protocols.dynamics import Vector, vector
 from protocols.kernels import inlined_kernel
 
 LEFT = 1
@@ -28,8 +27,9 @@ RIGHT = -1
 
 
 @inlined_kernel
-def cluster_of(first: int, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64], gap: float) -> int:
+def cluster_of(first: int, discs: Discs, gap: float) -> int:
     """Obstacles (bit i: obstacle i) that gaps below ``gap`` [m] link to obstacle ``first``, with itself."""
+    m, rel, radius = discs.size, discs.rel, discs.radius
     cluster = 1 << first
     fresh = cluster
     while fresh != 0:
@@ -50,22 +50,14 @@ def cluster_of(first: int, m: int, rel: NDArray[np.float64], radius: NDArray[np.
 
 
 @inlined_kernel
-def choose_side(
-    cluster: int,
-    m: int,
-    rel: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    side: NDArray[np.int8],
-    u_x: float,
-    u_y: float,
-    gains: Gains,
-) -> int:
+def choose_side(cluster: int, discs: Discs, u: Vector, gains: Gains) -> int:
     """Side on which ``cluster`` is to be passed now; 0 where it leaves the lane along the heading ``u`` free.
 
-    ``rel`` (M, 2): centres minus me [m]; ``radius`` (M,) [m]. ``side`` (M,) is the memory, updated in
-    place: a cluster takes over the side of its nearest member that has one, and obstacles out of memory
-    range lose theirs.
+    In ``discs.side``, a cluster takes over the side of its nearest member that has one, and obstacles out of memory range lose
+    theirs.
     """
+    m, rel, radius, side = discs.size, discs.rel, discs.radius, discs.side
+    u_x, u_y = u
     forget = gains.obstacle_range + gains.keep_side
     low = math.inf
     high = -math.inf
@@ -101,21 +93,10 @@ def choose_side(
 
 @inlined_kernel
 def obstacle_term(
-    r_x: float,
-    r_y: float,
-    radius: float,
-    passing: int,
-    v_x: float,
-    v_y: float,
-    u_x: float,
-    u_y: float,
-    pull_x: float,
-    pull_y: float,
-    gains: Gains,
-) -> tuple[float, float]:
-    """Acceleration [m/s²] because of one obstacle, centre at ``r`` from me [m], to be passed on
-    ``passing``.
-    """
+    r: Vector, radius: float, passing: int, v: Vector, u: Vector, pull: Vector, gains: Gains
+) -> Vector:
+    """Acceleration [m/s²] because of one obstacle, centre at ``r`` from me [m], to be passed on ``passing``."""
+    (r_x, r_y), (v_x, v_y), (u_x, u_y), (pull_x, pull_y) = r, v, u, pull
     centre = math.sqrt(r_x * r_x + r_y * r_y)
     d = centre - radius
     if d >= gains.obstacle_range or centre < 1e-6:
@@ -143,25 +124,12 @@ def obstacle_term(
 
 
 @inlined_kernel
-def obstacle_terms(
-    m: int,
-    rel: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    side: NDArray[np.int8],
-    v_x: float,
-    v_y: float,
-    u_x: float,
-    u_y: float,
-    pull_x: float,
-    pull_y: float,
-    gains: Gains,
-) -> tuple[float, float]:
-    """Acceleration [m/s²] because of the first ``m`` <= 62 obstacles, to be added to the attraction
-    ``pull`` [m/s²].
+def obstacle_terms(discs: Discs, v: Vector, u: Vector, pull: Vector, gains: Gains) -> Vector:
+    """Acceleration [m/s²] because of all obstacles, to be added to the attraction ``pull`` [m/s²].
 
-    ``rel`` (M, 2): centres minus me [m]; ``radius`` (M,) [m]; ``side`` (M,): memory, updated in place;
-    ``v``: own velocity [m/s]; ``u``: heading.
+    ``v``: own velocity [m/s]; ``u``: heading. ``discs.side`` is updated.
     """
+    m, rel, radius, side = discs.size, discs.rel, discs.radius, discs.side
     memory = gains.obstacle_range + gains.keep_side
     in_reach = False
     for i in range(m):
@@ -178,14 +146,12 @@ def obstacle_terms(
     for first in range(m):
         if (done >> first) & 1:
             continue
-        cluster = cluster_of(first, m, rel, radius, gains.cluster_gap)
+        cluster = cluster_of(first, discs, gains.cluster_gap)
         done |= cluster
-        passing = choose_side(cluster, m, rel, radius, side, u_x, u_y, gains)
+        passing = choose_side(cluster, discs, u, gains)
         for i in range(m):
             if (cluster >> i) & 1:
-                b_x, b_y = obstacle_term(
-                    rel[i, 0], rel[i, 1], radius[i], passing, v_x, v_y, u_x, u_y, pull_x, pull_y, gains
-                )
+                b_x, b_y = obstacle_term(vector(rel, i), radius[i], passing, v, u, pull, gains)
                 a_x += b_x
                 a_y += b_y
     return a_x, a_y

@@ -15,10 +15,11 @@ Two agents share a burden (rho), an obstacle shares none.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.control.gains import SafetyLimits
 from agent.control.halfplanes import least_violation, nearest_point
+from agent.control.surroundings import Discs, Neighbours
+from protocols.dynamics import Vector
 from protocols.kernels import kernel
 
 
@@ -82,23 +83,12 @@ def _agent_row(
 
 @kernel
 def safety_filter(
-    ax: float,
-    ay: float,
-    vx: float,
-    vy: float,
-    k: int,
-    rel: NDArray[np.float64],
-    vel: NDArray[np.float64],
-    m: int,
-    o_rel: NDArray[np.float64],
-    o_radius: NDArray[np.float64],
-    limits: SafetyLimits,
-) -> tuple[float, float]:
-    """The safe acceleration [m/s²] nearest to the desired ``(ax, ay)``; its length is within the limit.
-
-    ``v``: own velocity [m/s]; ``rel`` [m], ``vel`` [m/s] (K, 2): neighbours minus me, first ``k`` rows;
-    ``o_rel`` (M, 2): obstacle centres minus me [m], ``o_radius`` (M,) [m], first ``m`` rows.
-    """
+    wanted: Vector, velocity: Vector, near: Neighbours, discs: Discs, limits: SafetyLimits
+) -> Vector:
+    """The safe acceleration [m/s²] nearest to the one ``wanted``; its length is within the limit. ``velocity``: own [m/s]."""
+    (ax, ay), (vx, vy) = wanted, velocity
+    k, rel, vel = near.size, near.rel, near.vel
+    m, o_rel, o_radius = discs.size, discs.rel, discs.radius
     # The rows are filled in here, from scalar helpers: handing the arrays on to another kernel would count
     # references to each of them, which costs more than the whole filter. What is harmless gets no row.
     rows = np.empty((m + k, 3))

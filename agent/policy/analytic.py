@@ -3,31 +3,26 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.memory import discs_of, neighbours_of
+from agent.observation import aim_of
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Seen
-from agent.tick_arrays import TickArrays
-from protocols.kernels import borrowed, kernel
+from agent.tick_arrays import TickArrays, parts_of
+from protocols.kernels import kernel
 from protocols.mission.document import Mission
 
 
 @kernel
 def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
-    work, memory, motion = borrowed(arrays.work), borrowed(arrays.memory), borrowed(arrays.sensed).motion
-    for row in range(work.me.shape[0]):
-        if work.awake[row]:
+    parts = parts_of(arrays)
+    memory = parts.memory
+    for row in range(parts.work.me.shape[0]):
+        if parts.work.awake[row]:
             wanted[row, 0], wanted[row, 1] = analytic(
-                work.chain_error[row],
-                work.slot_error[row],
-                motion[row, 2:4],
-                work.target_velocity[row],
-                memory.near_count[row],
-                memory.near_rel[row],
-                memory.near_vel[row],
-                memory.disc_count[row],
-                memory.obstacle_rel[row],
-                memory.obstacle_radius[row],
-                memory.disc_side[row],
-                arrays.rules.gains,
+                aim_of(row, parts.work, parts.sensed),
+                neighbours_of(memory, row),
+                discs_of(memory, row),
+                parts.rules.gains,
             )
 
 

@@ -5,13 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.control.follow import Following, follow_row
-from agent.memory import Memory
-from agent.observation import WIDE_SIZE, compressed, observe_wide_row
-from agent.tick_arrays import Rules, TickArrays, Work
+from agent.control.follow import Following, Plan, follow_row
+from agent.memory import Memory, discs_of, neighbours_of
+from agent.observation import WIDE_SIZE, aim_of, compressed, observe_wide_row
+from agent.tick_arrays import Rules, TickArrays, Work, parts_of
+from protocols.dynamics import vector
 from protocols.kernels import borrowed, by_reference, inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
+from protocols.wire.sensed import Sensed
 
 
 class History(NamedTuple):
@@ -138,7 +140,7 @@ def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, his
     count = 0
     for other in range(memory.heard_tick.shape[1]):
         age = tick - memory.heard_tick[row, other]
-        believed = age == 1 or (age <= rules.memory_ticks and memory.hops[row, other] == 1)
+        believed = age == 1 or (age <= rules.radio.memory_ticks and memory.hops[row, other] == 1)
         if believed and count < places:
             for index in range(OBSERVATION_SIZE):
                 heard[last, count, index] = memory.heard_observation[row, other, index] / OBSERVATION_UNIT
@@ -167,16 +169,14 @@ def _ask_row(
 
 
 @inlined_kernel
-def _fly(tick: int, arrays: TickArrays, planner: Planner) -> None:
-    work, memory, flown = borrowed(arrays.work), borrowed(arrays.memory), borrowed(planner.plans)
-    motion, following, wanted = borrowed(arrays.sensed).motion, planner.following, planner.wanted
+def _fly(tick: int, work: Work, sensed: Sensed, memory: Memory, planner: Planner) -> None:
+    flown, wanted = borrowed(planner.plans), planner.wanted
     for row in range(work.me.shape[0]):
         if work.awake[row]:
+            plan = Plan(flown.start[row], flown.displacement[row], flown.acceleration[row])
             wanted[row, 0], wanted[row, 1] = follow_row(
-                tick - flown.made_at[row], flown.start[row], flown.displacement[row], flown.acceleration[row],
-                motion[row, 0:2], motion[row, 2:4], work.slot_error[row], work.target_velocity[row], memory.near_count[row],
-                memory.near_rel[row], memory.near_vel[row], memory.disc_count[row], memory.obstacle_rel[row],
-                memory.obstacle_radius[row], memory.disc_side[row], following,
+                tick - flown.made_at[row], plan, vector(sensed.position, row), aim_of(row, work, sensed),
+                neighbours_of(memory, row), discs_of(memory, row), planner.following,
             )  # fmt: skip
 
 
@@ -191,7 +191,8 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
     Returns:
         How many rows are due.
     """
-    rules, work, memory, replan = arrays.rules, borrowed(arrays.work), borrowed(arrays.memory), planner.replan
+    rules, _, _, work, sensed, _, memory = parts_of(arrays)
+    replan = planner.replan
     seen, asked, made_at = borrowed(planner.history), borrowed(planner.question), planner.plans.made_at
     past, horizon = seen.own.shape[1], planner.plans.displacement.shape[1]
     due = 0
@@ -206,7 +207,7 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
             _ask_row(row, due, rules, work, memory, seen, asked)
             due += 1
     if due == 0:
-        _fly(tick, arrays, planner)
+        _fly(tick, work, sensed, memory, planner)
     return due
 
 
@@ -220,17 +221,21 @@ def take_plans(
     acceleration: NDArray[np.float32],
 ) -> None:
     """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    motion, plans, asked = borrowed(arrays.sensed).motion, borrowed(planner.plans), planner.question.row
+    sensed, plans, asked = borrowed(arrays.sensed), borrowed(planner.plans), planner.question.row
     for place in range(displacement.shape[0]):
         row = asked[first + place]
         plans.made_at[row] = tick
-        for index in range(4):
-            plans.start[row, index] = motion[row, index]
-        plans.displacement[row] = displacement[place]
-        plans.acceleration[row] = acceleration[place]
+        for axis in range(2):
+            plans.start[row, axis] = sensed.position[row, axis]
+            plans.start[row, 2 + axis] = sensed.velocity[row, axis]
+        for step in range(displacement.shape[1]):
+            for axis in range(2):
+                plans.displacement[row, step, axis] = displacement[place, step, axis]
+                plans.acceleration[row, step, axis] = acceleration[place, step, axis]
 
 
 @kernel
 def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
     """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
-    _fly(tick, arrays, planner)
+    _, _, _, work, sensed, _, memory = parts_of(arrays)
+    _fly(tick, work, sensed, memory, planner)

@@ -9,30 +9,29 @@ from numpy.typing import NDArray
 
 from agent.control.attraction import attraction
 from agent.control.flocking import Flocking, flocking, flocking_for
+from agent.memory import discs_of, neighbours_of
+from agent.observation import aim_of
 from agent.policy.base import Seen
-from agent.tick_arrays import TickArrays
+from agent.tick_arrays import TickArrays, parts_of
+from protocols.dynamics import vector
 from protocols.kernels import kernel
 from protocols.mission.document import Mission
 
 
 @kernel
 def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> None:
-    work, memory, motion = arrays.work, arrays.memory, arrays.sensed.motion
+    parts = parts_of(arrays)
+    work, memory = parts.work, parts.memory
     for row in range(work.me.shape[0]):
         if not work.awake[row]:
             continue
-        v_x, v_y = motion[row, 2], motion[row, 3]
-        vt_x, vt_y = work.target_velocity[row, 0], work.target_velocity[row, 1]
-        leader_x = work.target_position[row, 0] - motion[row, 0]
-        leader_y = work.target_position[row, 1] - motion[row, 1]
+        aim = aim_of(row, parts.work, parts.sensed)
+        (x, y), (target_x, target_y) = vector(parts.sensed.position, row), vector(work.target_position, row)
         flock_x, flock_y = flocking(
-            memory.near_count[row], memory.near_rel[row], memory.near_vel[row], memory.disc_count[row],
-            memory.obstacle_rel[row], memory.obstacle_radius[row], v_x, v_y, leader_x, leader_y, vt_x, vt_y, gains,
+            neighbours_of(memory, row), discs_of(memory, row), aim.velocity, (target_x - x, target_y - y),
+            aim.target_velocity, gains,
         )  # fmt: skip
-        form_x, form_y = attraction(
-            work.chain_error[row, 0], work.chain_error[row, 1], work.slot_error[row, 0], work.slot_error[row, 1],
-            v_x, v_y, vt_x, vt_y, arrays.rules.gains,
-        )  # fmt: skip
+        form_x, form_y = attraction(aim, parts.rules.gains)
         wanted[row, 0], wanted[row, 1] = flock_x + form_x, flock_y + form_y
 
 

@@ -17,17 +17,49 @@ may be its own fault that it hears nobody there.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.mission.formation import NO_PARENT
-from protocols.relative import UNKNOWN
+from protocols.relative import UNKNOWN, RadioRules
 
 OFF, TREE, CONTACT = 0, 1, 2
 RULES = {"off": OFF, "tree": TREE, "contact": CONTACT}
 NOBODY = -1
+
+
+class SwapRules(NamedTuple):
+    """What a mission's section ``swap`` means: rule: OFF, TREE or CONTACT; margin_m; connected; silent_ticks: patience with a
+    drone that nobody hears."""
+
+    rule: int
+    margin_m: float
+    connected: bool
+    silent_ticks: int
+
+
+class Shape(NamedTuple):
+    """The formation: offsets (N, 2) [m], parent (N,), depth (N,) edges up to the root."""
+
+    offsets: NDArray[np.float64]
+    parent: NDArray[np.int16]
+    depth: NDArray[np.int64]
+
+
+class Known(NamedTuple):
+    """What one drone knows of all N: slot_of, occupant: who holds which slot. heard_tick: of the last frame from each.
+    last_seen: tick at which anybody last heard each. hops, rel: how many hops away each is and where, relative to me [m]."""
+
+    slot_of: NDArray[np.int64]
+    occupant: NDArray[np.int64]
+    heard_tick: NDArray[np.int64]
+    last_seen: NDArray[np.int64]
+    hops: NDArray[np.int64]
+    rel: NDArray[np.float64]
 
 
 @inlined_kernel
@@ -94,43 +126,29 @@ def affected_connected(
 
 @inlined_kernel
 def swap_partner(
-    me: int,
-    tick: int,
-    rule: int,
-    margin: float,
-    connected: bool,
-    memory: int,
-    range_m: float,
-    error_x: float,
-    error_y: float,
-    offsets: NDArray[np.float64],
-    parent: NDArray[np.int16],
-    depth: NDArray[np.int64],
-    slot_of: NDArray[np.int64],
-    occupant: NDArray[np.int64],
-    heard_tick: NDArray[np.int64],
-    hops: NDArray[np.int64],
-    rel: NDArray[np.float64],
+    me: int, tick: int, rules: SwapRules, radio: RadioRules, error: Vector, shape: Shape, known: Known
 ) -> int:
-    """The drone I should propose a swap to now, or NOBODY. (error_x, error_y): my target minus me [m]."""
-    mine = slot_of[me]
+    """The drone I should propose a swap to now, or NOBODY. ``error``: my target minus me [m]."""
+    offsets, parent, depth, rel = shape.offsets, shape.parent, shape.depth, known.rel
+    mine = known.slot_of[me]
     best, best_gain = NOBODY, 0.0
-    for other in range(slot_of.shape[0]):
-        if hops[other] != 1 or tick - heard_tick[other] > memory:
+    for other in range(known.slot_of.shape[0]):
+        if known.hops[other] != 1 or tick - known.heard_tick[other] > radio.memory_ticks:
             continue
-        theirs = slot_of[other]
+        theirs = known.slot_of[other]
         dx, dy = offsets[theirs, 0] - offsets[mine, 0], offsets[theirs, 1] - offsets[mine, 1]
-        if rule == TREE:
+        if rules.rule == TREE:
             gain = (
-                tree_gain(error_x, error_y, rel[other, 0], rel[other, 1], dx, dy, margin)
+                tree_gain(error[0], error[1], rel[other, 0], rel[other, 1], dx, dy, rules.margin_m)
                 if parent[theirs] == mine
                 else 0.0
             )
         else:
             i_ask = depth[mine] < depth[theirs] or (depth[mine] == depth[theirs] and mine < theirs)
-            gain = contact_gain(rel[other, 0], rel[other, 1], dx, dy, margin) if i_ask else 0.0
+            gain = contact_gain(rel[other, 0], rel[other, 1], dx, dy, rules.margin_m) if i_ask else 0.0
         if gain > best_gain and (
-            not connected or affected_connected(mine, theirs, parent, occupant, hops, rel, range_m)
+            not rules.connected
+            or affected_connected(mine, theirs, parent, known.occupant, known.hops, rel, radio.range_m)
         ):
             best, best_gain = other, gain
     return best
@@ -138,41 +156,30 @@ def swap_partner(
 
 @inlined_kernel
 def vacancy_to_fill(
-    me: int,
-    tick: int,
-    silent: int,
-    range_m: float,
-    error_x: float,
-    error_y: float,
-    offsets: NDArray[np.float64],
-    parent: NDArray[np.int16],
-    slot_of: NDArray[np.int64],
-    occupant: NDArray[np.int64],
-    last_seen: NDArray[np.int64],
-    hops: NDArray[np.int64],
-    rel: NDArray[np.float64],
+    me: int, tick: int, rules: SwapRules, radio: RadioRules, error: Vector, shape: Shape, known: Known
 ) -> int:
     """The dead drone whose slot is mine to take, or NOBODY: my leader is silent and no living sibling is closer."""
-    mine = slot_of[me]
+    offsets, parent, last_seen, rel = shape.offsets, shape.parent, known.last_seen, known.rel
+    mine = known.slot_of[me]
     above = parent[mine]
     if above == NO_PARENT:
         return NOBODY
-    leader: int = occupant[above]
-    if tick - last_seen[leader] <= silent:
+    leader: int = known.occupant[above]
+    if tick - last_seen[leader] <= rules.silent_ticks:
         return NOBODY
     # The vacant slot, relative to me.
-    tx = error_x + offsets[above, 0] - offsets[mine, 0]
-    ty = error_y + offsets[above, 1] - offsets[mine, 1]
+    tx = error[0] + offsets[above, 0] - offsets[mine, 0]
+    ty = error[1] + offsets[above, 1] - offsets[mine, 1]
     my_distance = tx * tx + ty * ty
-    if my_distance > range_m * range_m:
+    if my_distance > radio.range_m * radio.range_m:
         return NOBODY
     for slot in range(parent.shape[0]):
-        sibling = occupant[slot]
+        sibling = known.occupant[slot]
         if (
             parent[slot] != above
             or sibling == me
-            or tick - last_seen[sibling] > silent
-            or hops[sibling] == UNKNOWN
+            or tick - last_seen[sibling] > rules.silent_ticks
+            or known.hops[sibling] == UNKNOWN
         ):
             continue
         distance = (tx - rel[sibling, 0]) ** 2 + (ty - rel[sibling, 1]) ** 2

@@ -4,7 +4,7 @@ Positions and velocities are in the common local frame (metres, m/s; x forward, 
 relative to the drone: other minus me, obstacle centre minus me.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,12 @@ from protocols.wire.rows import bytes_of
 
 MAX_NEAR = 48  # neighbours sensed at once
 MAX_OBSTACLES = 16
-_MOTION_BYTES, _NEAR_BYTES, _OBSTACLE_BYTES = 4 * 8, 5 * 8, 3 * 8
+
+#: A neighbour: its number, and its position [m] and velocity [m/s] minus mine.
+NEIGHBOUR = np.dtype([("number", "<i8"), ("x", "<f8"), ("y", "<f8"), ("vx", "<f8"), ("vy", "<f8")])
+#: An obstacle: its centre minus me [m], and its radius [m].
+DISC = np.dtype([("x", "<f8"), ("y", "<f8"), ("radius", "<f8")])
+_VECTOR_BYTES = 2 * 8
 
 Packed = tuple[bytes, bytes, bytes]
 
@@ -21,28 +26,28 @@ Packed = tuple[bytes, bytes, bytes]
 class Sensed(NamedTuple):
     """One row per drone.
 
-    motion: (A, 4) own p, own v.
-    near_count: (A,) rows used of near.
-    near: (A, MAX_NEAR, 5) agent number, relative position (2), relative velocity (2), by rising agent number.
-    obstacle_count: (A,) rows used of obstacles.
-    obstacles: (A, MAX_OBSTACLES, 3) relative centre (2), radius.
+    position [m], velocity [m/s]: (A, 2) own.
+    near_count: (A,) rows used of near. near: (A, MAX_NEAR) of NEIGHBOUR, by rising number.
+    obstacle_count: (A,) rows used of obstacles. obstacles: (A, MAX_OBSTACLES) of DISC.
     """
 
-    motion: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
     near_count: NDArray[np.int64]
-    near: NDArray[np.float64]
+    near: NDArray[Any]
     obstacle_count: NDArray[np.int64]
-    obstacles: NDArray[np.float64]
+    obstacles: NDArray[Any]
 
 
 def empty_sensed(rows: int) -> Sensed:
     """Room for ``rows`` drones, nothing sensed."""
     return Sensed(
-        np.zeros((rows, 4)),
+        np.zeros((rows, 2)),
+        np.zeros((rows, 2)),
         np.zeros(rows, np.int64),
-        np.zeros((rows, MAX_NEAR, 5)),
+        np.zeros((rows, MAX_NEAR), NEIGHBOUR),
         np.zeros(rows, np.int64),
-        np.zeros((rows, MAX_OBSTACLES, 3)),
+        np.zeros((rows, MAX_OBSTACLES), DISC),
     )
 
 
@@ -51,16 +56,21 @@ class SensedPacker:
 
     def __init__(self, sensed: Sensed) -> None:
         self._near_count, self._obstacle_count = sensed.near_count.data, sensed.obstacle_count.data
-        self._motion, self._near = bytes_of(sensed.motion), bytes_of(sensed.near)
-        self._obstacles = bytes_of(sensed.obstacles)
+        self._position, self._velocity = bytes_of(sensed.position), bytes_of(sensed.velocity)
+        self._near, self._obstacles = bytes_of(sensed.near), bytes_of(sensed.obstacles)
 
     def pack(self, row: int) -> Packed:
-        """One row as three byte strings of little-endian doubles."""
-        near, obstacle = row * MAX_NEAR * _NEAR_BYTES, row * MAX_OBSTACLES * _OBSTACLE_BYTES
+        """One row as three byte strings: own position and velocity, neighbours, obstacles."""
+        own, near, obstacle = (
+            row * _VECTOR_BYTES,
+            row * MAX_NEAR * NEIGHBOUR.itemsize,
+            row * MAX_OBSTACLES * DISC.itemsize,
+        )
         return (
-            self._motion[row * _MOTION_BYTES : (row + 1) * _MOTION_BYTES].tobytes(),
-            self._near[near : near + self._near_count[row] * _NEAR_BYTES].tobytes(),
-            self._obstacles[obstacle : obstacle + self._obstacle_count[row] * _OBSTACLE_BYTES].tobytes(),
+            self._position[own : own + _VECTOR_BYTES].tobytes()
+            + self._velocity[own : own + _VECTOR_BYTES].tobytes(),
+            self._near[near : near + self._near_count[row] * NEIGHBOUR.itemsize].tobytes(),
+            self._obstacles[obstacle : obstacle + self._obstacle_count[row] * DISC.itemsize].tobytes(),
         )
 
 
@@ -69,8 +79,8 @@ class SensedReader:
 
     def __init__(self, sensed: Sensed) -> None:
         self._sensed = sensed
-        self._motion, self._near, self._obstacles = (
-            bytes_of(array[0]) for array in (sensed.motion, sensed.near, sensed.obstacles)
+        self._position, self._velocity, self._near, self._obstacles = (
+            bytes_of(array[0]) for array in (sensed.position, sensed.velocity, sensed.near, sensed.obstacles)
         )
 
     def read(self, packed: Packed) -> None:
@@ -79,12 +89,12 @@ class SensedReader:
         Raises:
             ValueError: the byte strings are not whole rows, or too many.
         """
-        motion, near, obstacles = packed
-        near_count, near_rest = divmod(len(near), _NEAR_BYTES)
-        obstacle_count, obstacle_rest = divmod(len(obstacles), _OBSTACLE_BYTES)
+        own, near, obstacles = packed
+        near_count, near_rest = divmod(len(near), NEIGHBOUR.itemsize)
+        obstacle_count, obstacle_rest = divmod(len(obstacles), DISC.itemsize)
         if near_rest or obstacle_rest or near_count > MAX_NEAR or obstacle_count > MAX_OBSTACLES:
             raise ValueError(f"{len(near)} and {len(obstacles)} bytes are not what a drone senses")
-        self._motion[:] = motion
+        self._position[:], self._velocity[:] = own[:_VECTOR_BYTES], own[_VECTOR_BYTES:]
         self._near[: len(near)] = near
         self._obstacles[: len(obstacles)] = obstacles
         self._sensed.near_count[0] = near_count

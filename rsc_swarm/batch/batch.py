@@ -13,7 +13,7 @@ from agent.control.follow import following_of
 from agent.memory import empty_memory
 from agent.observation import WIDE_SIZE
 from agent.rules import rules_of, shape_of
-from agent.tick_arrays import empty_views, empty_work, make_tick_arrays
+from agent.tick_arrays import Parts, empty_views, empty_work, make_tick_arrays
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.frames import OBSERVATION_SIZE, empty_frames
@@ -112,7 +112,7 @@ class Batch:
             np.zeros(MAX_OBSTACLES),
             np.zeros(MAX_OBSTACLES, np.int8),
         )
-        self._lent = (  # the arrays borrows these
+        self._parts = Parts(  # the tick arrays borrow these
             rules_of(mission),
             shape_of(mission),
             empty_views(rows, agents),
@@ -121,7 +121,7 @@ class Batch:
             empty_frames(1),
             empty_memory(rows, 1),
         )
-        self._desk = make_tick_arrays(*self._lent)
+        self._arrays = make_tick_arrays(self._parts)
         for world, one in enumerate(missions):
             self.restart(world, one)
 
@@ -132,7 +132,7 @@ class Batch:
             world.field.FieldError: no room to start.
         """
         stage, rows = self.stage, slice(world * self.agents, (world + 1) * self.agents)
-        _, _, views, _, _, _, memory = self._lent
+        views, memory = self._parts.views, self._parts.memory
         discs = field.draw_obstacles(mission)
         stage.position[world], stage.claim[world] = (
             field.draw_start(mission, discs),
@@ -147,7 +147,7 @@ class Batch:
         views.slot_of[rows] = stage.claim[world]
         memory.disc_count[rows] = 0
         memory.stalled[rows] = 0
-        kernels.begin(world, stage, self._field, self._desk)
+        kernels.begin(world, stage, self._field, self._arrays)
 
     def label(self, horizon: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """What the expert would do in the next ``horizon`` ticks, flying all drones from here; nothing changes.
@@ -158,7 +158,7 @@ class Batch:
         """
         shape = (self.worlds, self.agents, horizon, 2)
         displacement, velocity_change = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        kernels.label(self.stage, self._field, self._desk, self._scratch, displacement, velocity_change)
+        kernels.label(self.stage, self._field, self._arrays, self._scratch, displacement, velocity_change)
         return displacement, velocity_change
 
     def fly(
@@ -184,7 +184,7 @@ class Batch:
                 acceleration=np.ascontiguousarray(acceleration, np.float32),
                 displacement=np.ascontiguousarray(displacement, np.float32),
             )
-        kernels.fly(ticks, stage, self._field, self._desk, self._scratch)
+        kernels.fly(ticks, stage, self._field, self._arrays, self._scratch)
 
     def outcome(self, world: int) -> Outcome:
         """How the episode of ``world`` ended, as a flight's report has it."""

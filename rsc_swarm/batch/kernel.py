@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.detour import leave_pocket
-from agent.control.follow import Following, follow_row
+from agent.control.follow import Following, Plan, follow_row
 from agent.control.safety import safety_filter
-from agent.memory import Memory
-from agent.observation import aim_row, compressed, observe_row, observe_wide_row
+from agent.control.surroundings import Discs
+from agent.memory import discs_of, neighbours_of
+from agent.observation import aim_of, aim_row, compressed, observe_row, observe_wide_row
 from agent.perceive import find_neighbours, recall_obstacles
 from agent.policy.analytic_kernel import analytic
 from agent.target import place_target
-from agent.tick_arrays import Rules, Shape, TickArrays, Views, Work
-from protocols.dynamics import TICK_S, target_x
+from agent.tick_arrays import Parts, TickArrays, parts_of
+from protocols.dynamics import TICK_S, Vector, target_x, vector
 from protocols.kernels import borrowed, inlined_kernel, kernel
 from protocols.slots import trigger
-from protocols.wire.sensed import Sensed
 from world import referee
-from world.plant import move_world, sense_world
+from world.plant import Bodies, Ground, move_world, sense_world
 
 PLAN, EXPERT, ANALYTIC = range(3)  # who flies the drones of a world
 FLYING, SUCCEEDED, COLLIDED, LATE = range(4)
@@ -94,122 +94,94 @@ class Scratch(NamedTuple):
 
 
 @inlined_kernel
-def _look(
-    world: int, stage: Stage, field: Field, rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed,
-    memory: Memory, recall: bool,
-) -> None:  # fmt: skip
-    """Sense and perceive, for every drone of a world, where it is now."""
-    agents = stage.flying.shape[1]
-    sense_world(
-        world, stage.flying, stage.position, stage.velocity, stage.obstacle_count, stage.obstacles, rules.reach_m, True, sensed
-    )  # fmt: skip
-    for agent in range(agents):
-        row = world * agents + agent
-        find_neighbours(memory, row, agent, 0, sensed, True, 0, rules.range_m)
-        if recall:
-            recall_obstacles(memory, row, sensed, rules.remember_obstacles)
-        place_target(stage.ticks[world], row, rules.target_mps, work)
-        aim_row(row, False, shape, views, work, sensed, memory)
+def _bodies(stage: Stage) -> Bodies:
+    return Bodies(stage.flying, stage.position, stage.velocity, stage.command, stage.ability)
 
 
 @inlined_kernel
-def _observe(
-    world: int, past: int, stage: Stage, rules: Rules, work: Work, sensed: Sensed, memory: Memory
-) -> None:
+def _ground(stage: Stage) -> Ground:
+    return Ground(stage.goal_x, stage.obstacle_count, stage.obstacles)
+
+
+@inlined_kernel
+def _look(world: int, stage: Stage, parts: Parts, recall: bool) -> None:
+    """Sense and perceive, for every drone of a world, where it is now."""
+    rules, agents = parts.rules, stage.flying.shape[1]
+    sense_world(world, _bodies(stage), _ground(stage), rules.reach_m, True, parts.sensed)
+    for agent in range(agents):
+        row = world * agents + agent
+        find_neighbours(parts.memory, row, agent, 0, parts.sensed, True, rules.radio)
+        if recall:
+            recall_obstacles(parts.memory, row, parts.sensed, rules.remember_obstacles)
+        place_target(stage.ticks[world], row, rules.target_mps, parts.work)
+        aim_row(row, False, parts.shape, parts.views, parts.work, parts.sensed, parts.memory)
+
+
+@inlined_kernel
+def _observe(world: int, past: int, stage: Stage, parts: Parts) -> None:
     """Note what every drone of a world observes now, ``past`` ticks before the last entry of the history."""
+    work, memory = parts.work, parts.memory
     place = PAST - 1 - past
     agents = stage.flying.shape[1]
     for agent in range(agents):
         row = world * agents + agent
-        observe_row(row, rules.reach_m, work, sensed, memory, stage.observation[place, world, agent])
+        observe_row(
+            row, parts.rules.reach_m, work, parts.sensed, memory, stage.observation[place, world, agent]
+        )
         near = stage.near[place, world, agent]
-        near[:] = -1
-        for index in range(min(memory.near_count[row], near.shape[0])):
-            near[index] = memory.near_id[row, index]
+        for index in range(near.shape[0]):
+            near[index] = memory.near_id[row, index] if index < memory.near_count[row] else -1
         if past == 0:
             ex, ey = compressed(work.slot_error[row, 0], work.slot_error[row, 1])
             stage.target[world, agent, 0], stage.target[world, agent, 1] = ex, ey
-            observe_wide_row(row, rules.reach_m, memory, stage.extra[world, agent])
+            observe_wide_row(row, parts.rules.reach_m, memory, stage.extra[world, agent])
 
 
 @inlined_kernel
-def _expert(
-    world: int,
-    agent: int,
-    stage: Stage,
-    rules: Rules,
-    work: Work,
-    sensed: Sensed,
-    memory: Memory,
-    scratch: Scratch,
-) -> tuple[float, float]:
+def _expert(world: int, agent: int, stage: Stage, parts: Parts, scratch: Scratch) -> Vector:
     """The expert's command, safe: the analytic controller with every obstacle of the field in view and no memory of sides."""
     row = world * stage.flying.shape[1] + agent
-    motion, count = sensed.motion[row], stage.obstacle_count[world]
+    (x, y), count = vector(parts.sensed.position, row), stage.obstacle_count[world]
     for index in range(count):
         disc = stage.obstacles[world, index]
-        scratch.rel[index, 0], scratch.rel[index, 1] = disc[0] - motion[0], disc[1] - motion[1]
+        scratch.rel[index, 0], scratch.rel[index, 1] = disc[0] - x, disc[1] - y
         scratch.radius[index], scratch.side[index] = disc[2], 0
-    ax, ay = analytic(
-        work.slot_error[row], work.slot_error[row], motion[2:4], work.target_velocity[row], memory.near_count[row],
-        memory.near_rel[row], memory.near_vel[row], count, scratch.rel, scratch.radius, scratch.side, rules.gains,
-    )  # fmt: skip
-    return safety_filter(
-        ax, ay, motion[2], motion[3], memory.near_count[row], memory.near_rel[row], memory.near_vel[row], count, scratch.rel,
-        scratch.radius, rules.limits,
-    )  # fmt: skip
+    aim, near = aim_of(row, parts.work, parts.sensed), neighbours_of(parts.memory, row)
+    discs = Discs(count, scratch.rel, scratch.radius, scratch.side)
+    wanted = analytic(aim, near, discs, parts.rules.gains)
+    return safety_filter(wanted, aim.velocity, near, discs, parts.rules.limits)
 
 
 @inlined_kernel
 def _decentralized(
-    world: int,
-    agent: int,
-    age: int,
-    stage: Stage,
-    field: Field,
-    rules: Rules,
-    work: Work,
-    sensed: Sensed,
-    memory: Memory,
-) -> tuple[float, float]:
+    world: int, agent: int, age: int, stage: Stage, following: Following, parts: Parts
+) -> Vector:
     """A drone's command, safe: its plan of ``age`` ticks ago followed, or the analytic controller."""
-    row = world * stage.flying.shape[1] + agent
-    motion = sensed.motion[row]
-    near_rel, near_vel = memory.near_rel[row], memory.near_vel[row]
-    obstacle_rel, radius, side = memory.obstacle_rel[row], memory.obstacle_radius[row], memory.disc_side[row]
+    rules, row = parts.rules, world * stage.flying.shape[1] + agent
+    aim, near, discs = (
+        aim_of(row, parts.work, parts.sensed),
+        neighbours_of(parts.memory, row),
+        discs_of(parts.memory, row),
+    )
     if stage.pilot[world] == ANALYTIC:
-        ax, ay = analytic(
-            work.slot_error[row], work.slot_error[row], motion[2:4], work.target_velocity[row], memory.near_count[row],
-            near_rel, near_vel, memory.disc_count[row], obstacle_rel, radius, side, rules.gains,
-        )  # fmt: skip
+        wanted = analytic(aim, near, discs, rules.gains)
     else:
-        ax, ay = follow_row(
-            age, stage.start[world, agent], stage.displacement[world, agent], stage.acceleration[world, agent], motion[0:2],
-            motion[2:4], work.slot_error[row], work.target_velocity[row], memory.near_count[row], near_rel, near_vel,
-            memory.disc_count[row], obstacle_rel, radius, side, field.following,
-        )  # fmt: skip
+        plan = Plan(
+            stage.start[world, agent], stage.displacement[world, agent], stage.acceleration[world, agent]
+        )
+        position = vector(parts.sensed.position, row)
+        wanted = follow_row(age, plan, position, aim, near, discs, following)
     if rules.detour:
-        ax, ay = leave_pocket(ax, ay, row, rules, work, sensed, memory)
+        wanted = leave_pocket(wanted, row, rules, parts.work, parts.sensed, parts.memory)
     if rules.filtered:
-        ax, ay = safety_filter(
-            ax, ay, motion[2], motion[3], memory.near_count[row], near_rel, near_vel, memory.disc_count[row], obstacle_rel,
-            radius, rules.limits,
-        )  # fmt: skip
-    return ax, ay
+        wanted = safety_filter(wanted, aim.velocity, near, discs, rules.limits)
+    return wanted
 
 
 @inlined_kernel
-def _reconfigure(
-    world: int,
-    stage: Stage,
-    field: Field,
-    rules: Rules,
-    shape: Shape,
-    views: Views,
-    work: Work,
-    memory: Memory,
-) -> None:
+def _reconfigure(world: int, stage: Stage, cooldown_ticks: int, parts: Parts) -> None:
     """The one swap of this tick that gains most, among drones within range that have rested; at once and known to all."""
+    rules, shape, work, memory = parts.rules.swap, parts.shape, parts.work, parts.memory
     agents = stage.flying.shape[1]
     tick = stage.ticks[world]
     best, partner, best_gain = -1, -1, 0.0
@@ -227,7 +199,7 @@ def _reconfigure(
             dy = shape.offsets[theirs, 1] - shape.offsets[mine, 1]
             rx, ry = memory.near_rel[row, index, 0], memory.near_rel[row, index, 1]
             gain = 0.0
-            if rules.swap_rule == trigger.CONTACT:
+            if rules.rule == trigger.CONTACT:
                 if agent < other:
                     gain = trigger.contact_gain(rx, ry, dx, dy, rules.margin_m)
             elif shape.parent[theirs] == mine:
@@ -241,8 +213,8 @@ def _reconfigure(
     mine, theirs = stage.claim[world, best], stage.claim[world, partner]
     stage.claim[world, best], stage.claim[world, partner] = theirs, mine
     for row in range(world * agents, (world + 1) * agents):
-        views.slot_of[row, best], views.slot_of[row, partner] = theirs, mine
-    stage.rested[world, best] = stage.rested[world, partner] = tick + field.cooldown_ticks
+        parts.views.slot_of[row, best], parts.views.slot_of[row, partner] = theirs, mine
+    stage.rested[world, best] = stage.rested[world, partner] = tick + cooldown_ticks
     stage.swaps[world] += 1
 
 
@@ -264,45 +236,52 @@ def _settle(world: int, stage: Stage, field: Field) -> None:
 
 @inlined_kernel
 def _move(world: int, stage: Stage, field: Field) -> None:
-    move_world(
-        world,
-        stage.flying,
-        stage.position,
-        stage.velocity,
-        stage.command,
-        stage.ability,
-        field.a_max,
-        field.v_max,
-        TICK_S,
-    )
+    move_world(world, _bodies(stage), field.a_max, field.v_max, TICK_S)
     stage.ticks[world] += 1
+
+
+@inlined_kernel
+def _judge(world: int, stage: Stage, field: Field, parts: Parts, holder: NDArray[np.int64]) -> None:
+    shape, x = parts.shape, target_x(stage.ticks[world], parts.rules.target_mps)
+    standard = referee.Standard(
+        shape.offsets, shape.parent, stage.is_leaf, field.spacing_m, field.edge_tolerance, field.collision_m
+    )
+    findings = referee.Findings(stage.nearest, stage.edge_error, stage.verdict)
+    referee.judge_world(world, _bodies(stage), stage.claim, _ground(stage), x, standard, findings, holder)
+
+
+@inlined_kernel
+def _keep(world: int, place: int, source: int, stage: Stage) -> None:
+    """What was seen at one place of the history is now at another; loops, because slices take long to compile."""
+    for agent in range(stage.flying.shape[1]):
+        for index in range(stage.observation.shape[3]):
+            stage.observation[place, world, agent, index] = stage.observation[source, world, agent, index]
+        for index in range(stage.near.shape[3]):
+            stage.near[place, world, agent, index] = stage.near[source, world, agent, index]
 
 
 @kernel
 def begin(world: int, stage: Stage, field: Field, arrays: TickArrays) -> None:
     """The first look of an episode; the history repeats it."""
     stage = borrowed(stage)
-    rules, shape, views = arrays.rules, borrowed(arrays.shape), borrowed(arrays.views)
-    work, sensed, memory = borrowed(arrays.work), borrowed(arrays.sensed), borrowed(arrays.memory)
-    _look(world, stage, field, rules, shape, views, work, sensed, memory, True)
+    parts = parts_of(arrays)
+    _look(world, stage, parts, True)
     for past in range(PAST):
-        _observe(world, past, stage, rules, work, sensed, memory)
+        _observe(world, past, stage, parts)
 
 
 @kernel
 def fly(ticks: int, stage: Stage, field: Field, arrays: TickArrays, scratch: Scratch) -> None:
     """Fly every world that is FLYING by ``ticks`` ticks, or to its end; plans were made now."""
     stage, scratch = borrowed(stage), borrowed(scratch)
-    rules, shape, views = arrays.rules, borrowed(arrays.shape), borrowed(arrays.views)
-    work, sensed, memory = borrowed(arrays.work), borrowed(arrays.sensed), borrowed(arrays.memory)
+    parts = parts_of(arrays)
     agents = stage.flying.shape[1]
     for world in range(stage.flying.shape[0]):
         if stage.result[world] != FLYING:
             continue
         kept = max(PAST - ticks, 0)
         for place in range(kept):
-            stage.observation[place, world] = stage.observation[place + ticks, world]
-            stage.near[place, world] = stage.near[place + ticks, world]
+            _keep(world, place, place + ticks, stage)
         for agent in range(agents):
             for axis in range(2):
                 stage.start[world, agent, axis] = stage.position[world, agent, axis]
@@ -310,26 +289,21 @@ def fly(ticks: int, stage: Stage, field: Field, arrays: TickArrays, scratch: Scr
         for age in range(ticks):
             for agent in range(agents):
                 if stage.pilot[world] == EXPERT:
-                    ax, ay = _expert(world, agent, stage, rules, work, sensed, memory, scratch)
+                    ax, ay = _expert(world, agent, stage, parts, scratch)
                 else:
-                    ax, ay = _decentralized(world, agent, age, stage, field, rules, work, sensed, memory)
+                    ax, ay = _decentralized(world, agent, age, stage, field.following, parts)
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
-            referee.judge_world(
-                world, stage.flying, stage.position, stage.claim, target_x(stage.ticks[world], rules.target_mps),
-                stage.goal_x, stage.obstacle_count, stage.obstacles, shape.offsets, shape.parent, stage.is_leaf,
-                field.spacing_m, field.edge_tolerance, field.collision_m, scratch.holder, stage.nearest, stage.edge_error,
-                stage.verdict,
-            )  # fmt: skip
+            _judge(world, stage, field, parts, scratch.holder)
             _settle(world, stage, field)
             if stage.result[world] != FLYING:
                 break
-            _look(world, stage, field, rules, shape, views, work, sensed, memory, True)
-            if rules.swap_rule != trigger.OFF:
-                _reconfigure(world, stage, field, rules, shape, views, work, memory)
+            _look(world, stage, parts, True)
+            if parts.rules.swap.rule != trigger.OFF:
+                _reconfigure(world, stage, field.cooldown_ticks, parts)
             left = ticks - 1 - age
             if left < PAST:
-                _observe(world, left, stage, rules, work, sensed, memory)
+                _observe(world, left, stage, parts)
 
 
 @kernel
@@ -343,8 +317,7 @@ def label(
         displacement, velocity_change: (E, N, H, 2) out: p(t + h + 1) - p(t) - (h + 1) dt v(t) [m] and v(t + h + 1) - v(t) [m/s].
     """
     stage, scratch = borrowed(stage), borrowed(scratch)
-    rules, shape, views = arrays.rules, borrowed(arrays.shape), borrowed(arrays.views)
-    work, sensed, memory = borrowed(arrays.work), borrowed(arrays.sensed), borrowed(arrays.memory)
+    parts = parts_of(arrays)
     worlds, agents = stage.flying.shape
     horizon = displacement.shape[2]
     p, v = np.empty((agents, 2)), np.empty((agents, 2))
@@ -352,10 +325,15 @@ def label(
         if stage.result[world] != FLYING:
             continue
         tick = stage.ticks[world]
-        p[:], v[:] = stage.position[world], stage.velocity[world]
+        for agent in range(agents):
+            for axis in range(2):
+                p[agent, axis], v[agent, axis] = (
+                    stage.position[world, agent, axis],
+                    stage.velocity[world, agent, axis],
+                )
         for step in range(horizon):
             for agent in range(agents):
-                ax, ay = _expert(world, agent, stage, rules, work, sensed, memory, scratch)
+                ax, ay = _expert(world, agent, stage, parts, scratch)
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
             ahead = (step + 1) * TICK_S
@@ -366,7 +344,12 @@ def label(
                     velocity_change[world, agent, step, axis] = (
                         stage.velocity[world, agent, axis] - v[agent, axis]
                     )
-            _look(world, stage, field, rules, shape, views, work, sensed, memory, False)
-        stage.position[world], stage.velocity[world] = p, v
+            _look(world, stage, parts, False)
+        for agent in range(agents):
+            for axis in range(2):
+                stage.position[world, agent, axis], stage.velocity[world, agent, axis] = (
+                    p[agent, axis],
+                    v[agent, axis],
+                )
         stage.ticks[world] = tick
-        _look(world, stage, field, rules, shape, views, work, sensed, memory, False)
+        _look(world, stage, parts, False)

@@ -3,6 +3,7 @@
 import sys
 import time
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,36 @@ if TYPE_CHECKING:
 _TABLES = "The paper's tables"
 
 
+@dataclass(frozen=True)
+class TableOptions:
+    """Options that say which table is flown. None: no table."""
+
+    table: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1|2|3|harder|slots",
+            help="Fly a whole table instead, beside the paper's figures.",
+            rich_help_panel=_TABLES,
+        ),
+    ] = None
+    rows: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Only these rows of it, e.g. [bold]rsc-h20,expert[/] or [bold]n36/ours[/].",
+            rich_help_panel=_TABLES,
+        ),
+    ] = None
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Where tables go, as JSON, CSV and Markdown; a second call flies what is missing. (tables)",
+            rich_help_panel=_TABLES,
+        ),
+    ] = None
+
+
 @app.command(
     epilog=examples(
         "evaluate",
@@ -29,6 +60,7 @@ _TABLES = "The paper's tables"
 @with_options
 def evaluate(
     options: MissionOptions,
+    tables: TableOptions,
     maps: Annotated[int, typer.Option(help="Number of maps.")] = 200,
     starts: Annotated[int, typer.Option(help="Starts per map.")] = 3,
     seed_base: Annotated[
@@ -46,41 +78,17 @@ def evaluate(
             help="Write the results as JSON. Finished flights are kept beside it, to go on after a stop.",
         ),
     ] = None,
-    table: Annotated[
-        str | None,
-        typer.Option(
-            metavar="1|2|3|harder|slots",
-            help="Fly a whole table instead, beside the paper's figures.",
-            rich_help_panel=_TABLES,
-        ),
-    ] = None,
-    rows: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Only these rows of it, e.g. [bold]rsc-h20,expert[/] or [bold]n36/ours[/].",
-            rich_help_panel=_TABLES,
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Where tables go, as JSON, CSV and Markdown; a second call flies what is missing. (tables)",
-            rich_help_panel=_TABLES,
-        ),
-    ] = None,
 ) -> None:
     """Fly many maps and starts and print one row of a table, or a whole table. Start k of map m has seed 1000 m + k."""
     announce_compiling()
     from rsc_swarm.study.evaluate import Amount
 
     amount = Amount(maps, starts, seed_base, workers)
-    if (table, rows, out) == (None, None, None):
+    if tables == TableOptions():
         raise typer.Exit(fly_row(options, amount, json))
     from rsc_swarm.cli.tables import fly_table
 
-    raise typer.Exit(fly_table(table, rows, out, options, amount, json))
+    raise typer.Exit(fly_table(tables.table, tables.rows, tables.out, options, amount, json))
 
 
 def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> ExitCode:

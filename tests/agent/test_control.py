@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from agent.control.agents import agent_terms, pair_term
-from agent.control.attraction import attraction, heading, saturated
+from agent.control.attraction import Aim, attraction, heading, saturated
 from agent.control.fusion import apf_blend, risk_weight
 from agent.control.gains import GAINS, gains_for, limits_for
 from agent.control.obstacles import LEFT, RIGHT, choose_side, cluster_of, obstacle_term, obstacle_terms
 from agent.control.safety import safety_filter
+from agent.control.surroundings import Discs, Neighbours
 from agent.control.tracking import required_acceleration, smooth_acceleration
 from agent.policy.analytic_kernel import analytic
 
@@ -18,10 +19,19 @@ DT = 0.01
 AHEAD = (1.0, 0.0)
 
 
-def discs(*rows: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions relative to the agent, radii and an empty side memory for discs given as (x, y, radius)."""
+def around(*rows: tuple[float, float, float]) -> Discs:
+    """Discs given as (x, y, radius), relative to the agent, not yet passed on any side."""
     table = np.array(rows, float)
-    return table[:, :2].copy(), table[:, 2].copy(), np.zeros(len(rows), np.int8)
+    return Discs(len(rows), table[:, :2].copy(), table[:, 2].copy(), np.zeros(len(rows), np.int8))
+
+
+def aim(
+    error: tuple[float, float],
+    target_velocity: tuple[float, float],
+    velocity: tuple[float, float] = (3.0, 0.0),
+) -> Aim:
+    """Chain and slot target at one place."""
+    return Aim(error, error, velocity, target_velocity)
 
 
 # --- attraction --------------------------------------------------------------------------------------------
@@ -33,19 +43,19 @@ def test_saturation_keeps_the_direction_and_caps_the_length():
 
 
 def test_an_agent_in_its_slot_at_the_targets_speed_is_left_alone():
-    assert attraction(0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 3.0, 0.0, GAINS) == (0.0, 0.0)
+    assert attraction(aim((0.0, 0.0), (3.0, 0.0)), GAINS) == (0.0, 0.0)
 
 
 def test_far_slots_do_not_pull_harder_than_the_reach():
-    near, _ = attraction(0.0, 0.0, GAINS.slot_reach, 0.0, 3.0, 0.0, 3.0, 0.0, GAINS)
-    far, _ = attraction(0.0, 0.0, 50.0, 0.0, 3.0, 0.0, 3.0, 0.0, GAINS)
+    near, _ = attraction(Aim((0.0, 0.0), (GAINS.slot_reach, 0.0), (3.0, 0.0), (3.0, 0.0)), GAINS)
+    far, _ = attraction(Aim((0.0, 0.0), (50.0, 0.0), (3.0, 0.0), (3.0, 0.0)), GAINS)
     assert near == pytest.approx(far) == pytest.approx(GAINS.slot_pull * GAINS.slot_reach)
 
 
 def test_the_heading_looks_along_the_targets_motion_even_in_the_slot():
-    assert heading(0.0, 0.0, 0.0, 0.0, 3.0, 0.0, GAINS) == (1.0, 0.0)
-    assert heading(0.0, 0.0, 0.0, 0.0, 0.0, -2.0, GAINS) == (0.0, -1.0)
-    u_x, u_y = heading(0.0, 2.0, 0.0, 2.0, 3.0, 0.0, GAINS)
+    assert heading(aim((0.0, 0.0), (3.0, 0.0)), GAINS) == (1.0, 0.0)
+    assert heading(aim((0.0, 0.0), (0.0, -2.0)), GAINS) == (0.0, -1.0)
+    u_x, u_y = heading(aim((0.0, 2.0), (3.0, 0.0)), GAINS)
     assert math.hypot(u_x, u_y) == pytest.approx(1.0)
     assert u_x > u_y > 0.0
 
@@ -54,25 +64,25 @@ def test_the_heading_looks_along_the_targets_motion_even_in_the_slot():
 
 
 def test_a_distant_neighbour_at_rest_relative_to_me_does_not_matter():
-    assert pair_term(5.0, 0.0, 0.0, 0.0, *AHEAD, GAINS) == (0.0, 0.0)
+    assert pair_term((5.0, 0.0), (0.0, 0.0), AHEAD, GAINS) == (0.0, 0.0)
 
 
 def test_two_agents_push_each_other_apart_alike():
-    mine = pair_term(0.0, 0.9, 0.0, 0.0, *AHEAD, GAINS)
-    theirs = pair_term(0.0, -0.9, 0.0, 0.0, *AHEAD, GAINS)
+    mine = pair_term((0.0, 0.9), (0.0, 0.0), AHEAD, GAINS)
+    theirs = pair_term((0.0, -0.9), (0.0, 0.0), AHEAD, GAINS)
     assert mine[1] < 0.0
     assert mine == pytest.approx((-theirs[0], -theirs[1]))
 
 
 def test_the_push_grows_without_bound_towards_contact():
-    pushes = [-pair_term(0.0, d, 0.0, 0.0, *AHEAD, GAINS)[1] for d in (1.2, 0.9, 0.7, 0.55, 0.51)]
+    pushes = [-pair_term((0.0, d), (0.0, 0.0), AHEAD, GAINS)[1] for d in (1.2, 0.9, 0.7, 0.55, 0.51)]
     assert pushes == sorted(pushes)
     assert pushes[-1] > 10.0
 
 
 def test_agents_on_a_collision_course_step_to_opposite_sides_even_when_aimed_exactly():
-    mine = pair_term(4.0, 0.0, -4.0, 0.0, *AHEAD, GAINS)
-    theirs = pair_term(-4.0, 0.0, 4.0, 0.0, -1.0, 0.0, GAINS)
+    mine = pair_term((4.0, 0.0), (-4.0, 0.0), AHEAD, GAINS)
+    theirs = pair_term((-4.0, 0.0), (4.0, 0.0), (-1.0, 0.0), GAINS)
     assert mine[0] < 0.0 < theirs[0]
     assert abs(mine[1]) > 0.1
     assert mine[1] == pytest.approx(-theirs[1])
@@ -81,14 +91,14 @@ def test_agents_on_a_collision_course_step_to_opposite_sides_even_when_aimed_exa
 def test_who_gives_way_at_close_quarters_steps_to_the_same_hand_whatever_its_heading():
     for angle in (0.0, 1.0, 2.5, -2.0):
         u_x, u_y = math.cos(angle), math.sin(angle)
-        a_x, a_y = pair_term(1.3 * u_x, 1.3 * u_y, 0.0, 0.0, u_x, u_y, GAINS)
+        a_x, a_y = pair_term((1.3 * u_x, 1.3 * u_y), (0.0, 0.0), (u_x, u_y), GAINS)
         assert u_x * a_y - u_y * a_x < 0.0  # to the right of the heading
 
 
 def test_nobody_gives_way_to_one_behind():
     ahead, behind = (
-        pair_term(1.1, 0.0, 0.0, 0.0, *AHEAD, GAINS),
-        pair_term(-1.1, 0.0, 0.0, 0.0, *AHEAD, GAINS),
+        pair_term((1.1, 0.0), (0.0, 0.0), AHEAD, GAINS),
+        pair_term((-1.1, 0.0), (0.0, 0.0), AHEAD, GAINS),
     )
     assert ahead[1] < 0.0
     assert behind == (-ahead[0], 0.0)
@@ -96,7 +106,7 @@ def test_nobody_gives_way_to_one_behind():
 
 def test_a_later_conflict_counts_less_by_its_time_constant():
     gains = GAINS._replace(agent_brake=0.0)
-    soon, later = (pair_term(3.0 * s, -0.3, -3.0, 0.0, *AHEAD, gains) for s in (1.0, 1.5))
+    soon, later = (pair_term((3.0 * s, -0.3), (-3.0, 0.0), AHEAD, gains) for s in (1.0, 1.5))
     assert soon[1] == pytest.approx(
         gains.predict_gain * 3.0 * (1.0 - 0.3 / gains.predict_radius) * math.exp(-1.0 / gains.predict_time)
     )
@@ -106,70 +116,70 @@ def test_a_later_conflict_counts_less_by_its_time_constant():
 def test_neighbours_add_up_and_rows_beyond_the_count_are_not_read():
     rel = np.array([[0.9, 0.2], [-0.4, 1.0], [np.nan, np.nan]])
     vel = np.array([[-1.0, 0.0], [0.3, 0.4], [np.nan, np.nan]])
-    parts = [pair_term(*rel[j], *vel[j], *AHEAD, GAINS) for j in range(2)]
-    assert agent_terms(2, rel, vel, *AHEAD, GAINS) == pytest.approx(tuple(np.sum(parts, axis=0)))
+    parts = [pair_term(tuple(rel[j]), tuple(vel[j]), AHEAD, GAINS) for j in range(2)]
+    assert agent_terms(Neighbours(2, rel, vel), AHEAD, GAINS) == pytest.approx(tuple(np.sum(parts, axis=0)))
 
 
 # --- obstacles ---------------------------------------------------------------------------------------------
 
 
 def test_narrow_gaps_link_obstacles_into_one_cluster_transitively():
-    rel, radius, _ = discs((5.0, 0.0, 1.0), (5.0, 8.0, 1.0), (5.0, 4.0, 1.0), (20.0, 0.0, 1.0))
-    assert cluster_of(0, 4, rel, radius, 2.1) == 0b0111
-    assert cluster_of(3, 4, rel, radius, 2.1) == 0b1000
-    assert cluster_of(0, 4, rel, radius, 1.9) == 0b0001
+    discs = around((5.0, 0.0, 1.0), (5.0, 8.0, 1.0), (5.0, 4.0, 1.0), (20.0, 0.0, 1.0))
+    assert cluster_of(0, discs, 2.1) == 0b0111
+    assert cluster_of(3, discs, 2.1) == 0b1000
+    assert cluster_of(0, discs, 1.9) == 0b0001
 
 
 def test_a_cluster_is_passed_where_it_reaches_less_far_and_as_a_whole():
-    rel, radius, side = discs((4.0, 0.3, 1.0), (4.0, -2.9, 1.0), (4.0, -6.1, 1.0))
-    cluster = cluster_of(0, 3, rel, radius, GAINS.cluster_gap)
-    assert choose_side(cluster, 3, rel, radius, side, *AHEAD, GAINS) == LEFT
-    assert side[0] == side[1] == LEFT
+    discs = around((4.0, 0.3, 1.0), (4.0, -2.9, 1.0), (4.0, -6.1, 1.0))
+    cluster = cluster_of(0, discs, GAINS.cluster_gap)
+    assert choose_side(cluster, discs, AHEAD, GAINS) == LEFT
+    assert discs.side[0] == discs.side[1] == LEFT
     # Alone, the first disc would have been passed on the right.
-    assert choose_side(0b001, 1, rel, radius, np.zeros(3, np.int8), *AHEAD, GAINS) == RIGHT
+    assert choose_side(0b001, around((4.0, 0.3, 1.0)), AHEAD, GAINS) == RIGHT
 
 
 def test_an_obstacle_beside_the_lane_or_behind_is_not_passed_on_any_side():
     for x, y in ((3.0, 2.5), (3.0, -2.5), (-3.0, 0.0)):
-        rel, radius, side = discs((x, y, 1.0))
-        assert choose_side(1, 1, rel, radius, side, *AHEAD, GAINS) == 0
-        assert side[0] == 0
+        discs = around((x, y, 1.0))
+        assert choose_side(1, discs, AHEAD, GAINS) == 0
+        assert discs.side[0] == 0
 
 
 def test_a_side_once_chosen_holds_until_the_other_is_shorter_by_the_loyalty():
     gains = GAINS._replace(side_loyalty=1.0)
-    rel, radius, side = discs((4.0, -0.1, 1.0))
-    assert choose_side(1, 1, rel, radius, side, *AHEAD, gains) == LEFT
-    rel[0, 1] = 0.4  # right is now shorter by 0.8 m
-    assert choose_side(1, 1, rel, radius, side, *AHEAD, gains) == LEFT
-    rel[0, 1] = 0.6  # by 1.2 m
-    assert choose_side(1, 1, rel, radius, side, *AHEAD, gains) == RIGHT
+    discs = around((4.0, -0.1, 1.0))
+    assert choose_side(1, discs, AHEAD, gains) == LEFT
+    discs.rel[0, 1] = 0.4  # right is now shorter by 0.8 m
+    assert choose_side(1, discs, AHEAD, gains) == LEFT
+    discs.rel[0, 1] = 0.6  # by 1.2 m
+    assert choose_side(1, discs, AHEAD, gains) == RIGHT
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_a_cluster_takes_over_the_side_of_its_nearest_member(order):
     near, far = (-2.5, 0.0, 1.0), (-4.0, 1.0, 1.0)
-    rel, radius, side = discs(*((near, far)[index] for index in order))
-    side[:] = [(LEFT, RIGHT)[index] for index in order]
-    assert choose_side(0b11, 2, rel, radius, side, *AHEAD, GAINS) == 0, "it lies behind"
-    assert side.tolist() == [LEFT, LEFT]
+    discs = around(*((near, far)[index] for index in order))
+    discs.side[:] = [(LEFT, RIGHT)[index] for index in order]
+    assert choose_side(0b11, discs, AHEAD, GAINS) == 0, "it lies behind"
+    assert discs.side.tolist() == [LEFT, LEFT]
 
 
 def test_a_side_is_forgotten_once_the_obstacle_is_out_of_memory_range():
-    rel, radius, side = discs((-1.0 - GAINS.obstacle_range - GAINS.keep_side - 0.1, 0.0, 1.0))
-    side[0] = LEFT
-    assert obstacle_terms(1, rel, radius, side, 3.0, 0.0, *AHEAD, 1.0, 0.0, GAINS) == (0.0, 0.0)
-    assert side[0] == 0
+    discs = around((-1.0 - GAINS.obstacle_range - GAINS.keep_side - 0.1, 0.0, 1.0))
+    discs.side[0] = LEFT
+    assert obstacle_terms(discs, (3.0, 0.0), AHEAD, (1.0, 0.0), GAINS) == (0.0, 0.0)
+    assert discs.side[0] == 0
 
 
 def test_an_obstacle_out_of_range_does_not_matter():
-    assert obstacle_term(9.0, 0.0, 1.0, 0, 3.0, 0.0, *AHEAD, 5.0, 0.0, GAINS) == (0.0, 0.0)
+    assert obstacle_term((9.0, 0.0), 1.0, 0, (3.0, 0.0), AHEAD, (5.0, 0.0), GAINS) == (0.0, 0.0)
 
 
 def test_a_blocking_obstacle_leads_around_itself_and_holds_back_the_pull_into_it():
-    free = obstacle_term(3.0, 0.0, 1.0, 0, 0.0, 0.0, *AHEAD, 5.0, 0.0, GAINS)
-    left = obstacle_term(3.0, 0.0, 1.0, LEFT, 0.0, 0.0, *AHEAD, 5.0, 0.0, GAINS)
-    right = obstacle_term(3.0, 0.0, 1.0, RIGHT, 0.0, 0.0, *AHEAD, 5.0, 0.0, GAINS)
+    free = obstacle_term((3.0, 0.0), 1.0, 0, (0.0, 0.0), AHEAD, (5.0, 0.0), GAINS)
+    left = obstacle_term((3.0, 0.0), 1.0, LEFT, (0.0, 0.0), AHEAD, (5.0, 0.0), GAINS)
+    right = obstacle_term((3.0, 0.0), 1.0, RIGHT, (0.0, 0.0), AHEAD, (5.0, 0.0), GAINS)
     assert free[1] == 0.0
     assert left[1] > 0.0 > right[1]
     assert left[1] == pytest.approx(-right[1])
@@ -177,9 +187,9 @@ def test_a_blocking_obstacle_leads_around_itself_and_holds_back_the_pull_into_it
 
 
 def test_braking_counts_only_towards_the_obstacle():
-    away = obstacle_term(3.0, 0.0, 1.0, 0, -4.0, 0.0, *AHEAD, 0.0, 0.0, GAINS)
-    still = obstacle_term(3.0, 0.0, 1.0, 0, 0.0, 0.0, *AHEAD, 0.0, 0.0, GAINS)
-    towards = obstacle_term(3.0, 0.0, 1.0, 0, 4.0, 0.0, *AHEAD, 0.0, 0.0, GAINS)
+    away = obstacle_term((3.0, 0.0), 1.0, 0, (-4.0, 0.0), AHEAD, (0.0, 0.0), GAINS)
+    still = obstacle_term((3.0, 0.0), 1.0, 0, (0.0, 0.0), AHEAD, (0.0, 0.0), GAINS)
+    towards = obstacle_term((3.0, 0.0), 1.0, 0, (4.0, 0.0), AHEAD, (0.0, 0.0), GAINS)
     assert towards[0] < still[0] == away[0]
 
 
@@ -250,10 +260,10 @@ def fly(
             vel = np.ascontiguousarray(v[others] - v[i])
             o_rel = np.ascontiguousarray(table[:, :2] - p[i])
             radius = np.ascontiguousarray(table[:, 2])
-            near = (len(others), rel, vel, len(table), o_rel, radius)
-            error = target[i] - p[i]
-            wish = analytic(error, error, v[i], v_target, *near, side[i], gains_for(collision_m))
-            a[i] = safety_filter(*wish, *v[i], *near, limits_for(10.0, collision_m))
+            near, discs = Neighbours(len(others), rel, vel), Discs(len(table), o_rel, radius, side[i])
+            error = tuple(target[i] - p[i])
+            wish = analytic(aim(error, (3.0, 0.0), tuple(v[i])), near, discs, gains_for(collision_m))
+            a[i] = safety_filter(wish, tuple(v[i]), near, discs, limits_for(10.0, collision_m))
             apart = min(apart, *np.hypot(*rel.T), math.inf)
             clear = min(clear, *(np.hypot(*o_rel.T) - radius), math.inf)
         p += DT / 2 * (v + v + a * DT)

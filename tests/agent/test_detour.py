@@ -7,11 +7,9 @@ import pytest
 
 from agent.control.detour import STALLED_TICKS, leave_pocket, next_corner
 from agent.memory import Memory, empty_memory
-from agent.rules import rules_of
-from agent.tick_arrays import empty_work
 from protocols.mission.document import Mission, parse_mission
-from protocols.wire.sensed import empty_sensed
 from rsc_swarm.flight.simulate import simulate
+from tests.parts import empty_parts
 
 CUP = [
     (3.0, 3.0, 1.5),
@@ -44,10 +42,11 @@ def led(
     speed: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float]:  # fmt: skip
     """What becomes of the acceleration ``wanted`` by a drone at (0, 0) whose slot is at ``slot``."""
-    work, sensed = empty_work(np.array([0]), 0), empty_sensed(1)
+    parts = empty_parts(Mission(agents=3), memory=memory)
+    work, sensed = parts.work, parts.sensed
     work.slot_error[0], work.target_velocity[0, 0] = slot, target_mps
-    sensed.motion[0, 2:] = speed
-    return leave_pocket(*wanted, 0, rules_of(Mission()), work, sensed, memory)
+    sensed.velocity[0] = speed
+    return leave_pocket(wanted, 0, parts.rules, work, sensed, memory)
 
 
 def out_of_the_cup() -> Memory:

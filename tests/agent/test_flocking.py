@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from agent.control.flocking import Flocking, alpha_term, beta_term, bump, flocking, gamma_term, sigma_norm
+from agent.control.surroundings import Discs, Neighbours
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.simulate import simulate
 
@@ -78,7 +79,8 @@ def test_the_virtual_leader_pulls_no_harder_from_afar():
 def test_all_terms_add_up_and_rows_beyond_the_counts_are_not_read():
     rel, vel = np.array([[2.0, 1.0], [np.nan, np.nan]]), np.array([[0.1, 0.2], [np.nan, np.nan]])
     o_rel, o_radius = np.array([[2.5, 0.5], [np.nan, np.nan]]), np.array([1.5, np.nan])
-    total = flocking(1, rel, vel, 1, o_rel, o_radius, 1.0, 2.0, 7.0, -3.0, 3.0, 0.0, GAINS)
+    near, discs = Neighbours(1, rel, vel), Discs(1, o_rel, o_radius, np.zeros(2, np.int8))
+    total = flocking(near, discs, (1.0, 2.0), (7.0, -3.0), (3.0, 0.0), GAINS)
     parts = [
         alpha_term(2.0, 1.0, 0.1, 0.2, GAINS),
         beta_term(2.5, 0.5, 1.5, 1.0, 2.0, GAINS),

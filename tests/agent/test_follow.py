@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from agent.control.follow import Following, follow_row, following_of, track_row
+from agent.control.attraction import Aim
+from agent.control.follow import Following, Plan, follow_row, following_of, track_row
 from agent.control.gains import GAINS, gains_for, reactive_part
+from agent.control.surroundings import Discs, Neighbours
 from agent.policy.analytic_kernel import analytic
 from protocols.dynamics import TICK_S, integrate
 from protocols.mission.document import Mission, Trajectory, parse_mission
@@ -31,33 +33,31 @@ def planned(displacement: np.ndarray, h: int) -> np.ndarray:
 @pytest.mark.parametrize("required", [False, True])
 def test_a_drone_on_its_plan_stays_on_it(required: bool) -> None:
     displacement, acceleration = curve(20)
-    state = tuple(START)
+    place, speed = tuple(START[:2]), tuple(START[2:])
     for h in range(20):
-        a = track_row(
-            h, START, displacement, acceleration, np.array(state[:2]), np.array(state[2:]), required
-        )
+        a = track_row(h, Plan(START, displacement, acceleration), place, speed, required)
         if not required:
             assert a == pytest.approx(acceleration[h], abs=1e-4)
-        state = integrate(*state, *a, 10.0, 10.0, TICK_S)
-        assert state[:2] == pytest.approx(planned(displacement, h), abs=1e-6)
+        place, speed = integrate(place, speed, a, 10.0, 10.0, TICK_S)
+        assert place == pytest.approx(planned(displacement, h), abs=1e-6)
 
 
 def test_a_drone_that_was_pushed_off_its_plan_comes_back_smoothly() -> None:
     displacement, acceleration = curve(200)
-    state = (START[0], START[1] + 0.1, START[2], START[3])
+    place, speed = (START[0], START[1] + 0.1), tuple(START[2:])
     for h in range(200):
-        a = track_row(h, START, displacement, acceleration, np.array(state[:2]), np.array(state[2:]), False)
+        a = track_row(h, Plan(START, displacement, acceleration), place, speed, False)
         assert np.hypot(*a) < 4.0
-        state = integrate(*state, *a, 10.0, 10.0, TICK_S)
-    assert state[:2] == pytest.approx(planned(displacement, 199), abs=1e-3)
+        place, speed = integrate(place, speed, a, 10.0, 10.0, TICK_S)
+    assert place == pytest.approx(planned(displacement, 199), abs=1e-3)
 
 
 def test_the_papers_form_is_at_the_next_point_one_tick_later() -> None:
     displacement, acceleration = curve(20)
-    off = (START[0], START[1] + 0.001, START[2], START[3])
-    a = track_row(0, START, displacement, acceleration, np.array(off[:2]), np.array(off[2:]), True)
-    x, y, *_ = integrate(*off, *a, 1e9, 1e9, TICK_S)
-    assert (x, y) == pytest.approx(planned(displacement, 0), abs=1e-9)
+    off, speed = (START[0], START[1] + 0.001), tuple(START[2:])
+    a = track_row(0, Plan(START, displacement, acceleration), off, speed, True)
+    place, _ = integrate(off, speed, a, 1e9, 1e9, TICK_S)
+    assert place == pytest.approx(planned(displacement, 0), abs=1e-9)
 
 
 def follow(
@@ -68,15 +68,12 @@ def follow(
     rel, vel = np.array(neighbours).reshape(-1, 2), np.zeros((len(neighbours), 2))
     table = np.array(discs, float).reshape(-1, 3)
     o_rel, o_radius, o_side = table[:, :2].copy(), table[:, 2].copy(), np.zeros(len(discs), np.int8)
-    slot_error, target_velocity = np.array([1.0, 0.5]), np.array([3.0, 0.0])
-    around = (len(rel), rel, vel, len(table), o_rel, o_radius)
-    wanted = follow_row(
-        0, START, still, still, START[:2], START[2:], slot_error, target_velocity, *around, o_side, following
-    )
-    o_side = np.zeros(len(discs), np.int8)
-    reactive = analytic(
-        slot_error, slot_error, START[2:], target_velocity, *around, o_side, following.reactive
-    )
+    aim = Aim((7.0, 7.0), (1.0, 0.5), tuple(START[2:]), (3.0, 0.0))  # the chain's error does not count
+    near = Neighbours(len(rel), rel, vel)
+    known = Discs(len(table), o_rel, o_radius, o_side)
+    wanted = follow_row(0, Plan(START, still, still), tuple(START[:2]), aim, near, known, following)
+    o_side[:] = 0
+    reactive = analytic(aim._replace(chain_error=aim.slot_error), near, known, following.reactive)
     return wanted, reactive
 
 

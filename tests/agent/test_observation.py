@@ -9,12 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.memory import empty_memory
 from agent.observation import aim_row, observe_row
-from agent.tick_arrays import Shape, empty_views, empty_work
-from protocols.mission.formation import build_formation, shape_points
+from protocols.mission.document import parse_mission
 from protocols.relative import UNKNOWN
-from protocols.wire.sensed import empty_sensed
+from tests.parts import empty_parts
 
 REACH = 6.0
 Vector = tuple[float, float]
@@ -28,10 +26,10 @@ def observe(
     neighbours: list[tuple[float, float, float, float]] | None = None,
 ) -> NDArray[np.float64]:
     """X of one drone. Obstacles: relative centre and radius. Neighbours: relative position and velocity."""
-    sensed, memory = empty_sensed(1), empty_memory(1, 4)
-    work = empty_work(np.array([0]), 0)
+    parts = empty_parts(parse_mission({"agents": 4}))
+    work, sensed, memory = parts.work, parts.sensed, parts.memory
     work.slot_error[0], work.target_velocity[0] = error, target_velocity
-    sensed.motion[0] = [7.0, -3.0, *velocity]
+    sensed.position[0], sensed.velocity[0] = (7.0, -3.0), velocity
     for index, (x, y, radius) in enumerate(obstacles or []):
         memory.obstacle_rel[0, index], memory.obstacle_radius[0, index] = (x, y), radius
         memory.disc_count[0] = index + 1
@@ -123,17 +121,17 @@ def test_a_turned_world_is_observed_turned(
             assert after[place : place + 2] == pytest.approx(turned(*x[place : place + 2]), abs=1e-9)
 
 
-PLAN = build_formation(shape_points("line", 4, 5.0), 5.0)  # root 1; 0 and 2 follow it, 3 follows 2
-SHAPE = Shape(PLAN.offsets, PLAN.parent, np.array([1, 0, 1, 2]))
+MISSION = parse_mission({"agents": 4, "formation": {"shape": "line"}})
+PLAN = MISSION.plan  # root 1; 0 and 2 follow it, 3 follows 2
 
 
 def aim(
     chain: bool, hops_to_leader: int = 1, me: int = 3, slots: tuple[int, ...] = (0, 1, 2, 3)
 ) -> tuple[list[float], list[float]]:
     """(chain error, slot error) of drone ``me`` at (1, 2); its leader is 1 m ahead and 4 m to the right."""
-    sensed, memory = empty_sensed(1), empty_memory(1, 4)
-    sensed.motion[0] = [1.0, 2.0, 0.0, 0.0]
-    work, views = empty_work(np.array([me]), 0), empty_views(1, len(slots))
+    parts = empty_parts(MISSION, me)
+    work, views, memory = parts.work, parts.views, parts.memory
+    parts.sensed.position[0] = [1.0, 2.0]
     work.target_position[0] = [10.0, 0.0]
     views.slot_of[0], views.occupant[0] = slots, np.argsort(slots)
     memory.hops[0] = UNKNOWN
@@ -141,7 +139,7 @@ def aim(
     if above >= 0:
         memory.hops[0, views.occupant[0, above]] = hops_to_leader
         memory.rel[0, views.occupant[0, above]] = [1.0, -4.0]
-    aim_row(0, chain, SHAPE, views, work, sensed, memory)
+    aim_row(0, chain, parts.shape, views, work, parts.sensed, memory)
     return work.chain_error[0].tolist(), work.slot_error[0].tolist()
 
 

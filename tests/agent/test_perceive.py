@@ -5,14 +5,15 @@ import pytest
 
 from agent.memory import Memory, empty_memory, forget
 from agent.perceive import compose_row, find_neighbours, hear_frame, recall_obstacles
-from agent.rules import rules_of
-from agent.tick_arrays import Rules, empty_work
+from agent.tick_arrays import Parts
 from protocols.mission.document import parse_mission
-from protocols.relative import NEVER, UNKNOWN
+from protocols.relative import NEVER, UNKNOWN, RadioRules
 from protocols.wire.frames import AGE_NEVER, OBSERVATION_UNIT, Frames, empty_frames
 from protocols.wire.sensed import empty_sensed
+from tests.parts import empty_parts
 
 N = 10
+RADIO = RadioRules(range_m=6.0, memory_ticks=30, max_hops=3)
 
 
 def frame(sender: int = 3, tick: int = 500, **fields: object) -> Frames:
@@ -74,8 +75,8 @@ def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() ->
         frame(sender=3, tick=490, motion=(10, 0, 2, -1)), frame(sender=5, tick=460, motion=(11, 1, 0, 0))
     )
     sensed = empty_sensed(1)
-    sensed.motion[0, :4] = [8.0, 1.0, 1.0, 0.0]
-    find_neighbours(memory, 0, 0, 500, sensed, False, 30, 6.0)
+    sensed.position[0], sensed.velocity[0] = [8.0, 1.0], [1.0, 0.0]
+    find_neighbours(memory, 0, 0, 500, sensed, False, RADIO)
     # Drone 3 was at (10, 0) a tenth of a second ago; drone 5's frame is older than it is believed.
     assert memory.near_count[0] == 1
     assert memory.near_id[0, 0] == 3
@@ -85,7 +86,7 @@ def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() ->
 
 def test_a_frame_is_believed_to_the_last_tick_of_its_time() -> None:
     memory = heard(frame(sender=3, tick=470), frame(sender=4, tick=469))
-    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, 30, 6.0)
+    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, RADIO)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [3]
 
 
@@ -93,14 +94,14 @@ def test_one_heard_from_beyond_the_range_is_no_neighbour() -> None:
     memory = heard(
         frame(sender=3, tick=500, motion=(6.1, 0, 0, 0)), frame(sender=4, tick=500, motion=(0, 6.0, 0, 0))
     )
-    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, 30, 6.0)
+    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, RADIO)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [4]
 
 
 def test_what_is_sensed_counts_alone_where_there_are_sensors() -> None:
     memory, sensed = heard(frame(sender=3, tick=500, motion=(1, 0, 0, 0))), empty_sensed(1)
-    sensed.near_count[0], sensed.near[0, 0] = 1, [7, 1, 2, 3, 4]
-    find_neighbours(memory, 0, 0, 500, sensed, True, 30, 6.0)
+    sensed.near_count[0], sensed.near[0, 0] = 1, (7, 1, 2, 3, 4)
+    find_neighbours(memory, 0, 0, 500, sensed, True, RADIO)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [7]
     assert memory.near_rel[0, 0].tolist() == [1, 2]
 
@@ -108,9 +109,9 @@ def test_what_is_sensed_counts_alone_where_there_are_sensors() -> None:
 def see_discs(memory: Memory, x: float, *discs: tuple[float, float, float], remember: bool = True) -> None:
     """The drone is at (x, 0) and sees these discs, given by their centres on the map."""
     sensed = empty_sensed(1)
-    sensed.motion[0, 0] = x
+    sensed.position[0, 0] = x
     for index, (cx, cy, radius) in enumerate(discs):
-        sensed.obstacles[0, index] = [cx - x, cy, radius]
+        sensed.obstacles[0, index] = (cx - x, cy, radius)
     sensed.obstacle_count[0] = len(discs)
     recall_obstacles(memory, 0, sensed, remember)
 
@@ -164,27 +165,32 @@ def test_more_obstacles_than_can_be_remembered_are_no_crash() -> None:
     assert memory.disc_count[0] == 16
 
 
-def rules(max_hops: int = 3) -> Rules:
-    return rules_of(parse_mission({"radio": {"hops": max_hops}}))
+def drone(memory: Memory | None = None, me: int = 2, max_hops: int = 3) -> Parts:
+    """Drone ``me``."""
+    return empty_parts(parse_mission({"agents": N, "radio": {"hops": max_hops}}), me, memory)
+
+
+def compose(tick: int, parts: Parts) -> None:
+    compose_row(tick, 0, 0, parts.rules, parts.work, parts.sensed, parts.frames, parts.memory)
 
 
 def composed(hops: dict[int, int], tick: int = 512, max_hops: int = 3, me: int = 2) -> Frames:
     """What drone ``me`` tells at ``tick``, knowing others over so many hops."""
-    memory, sensed, frames = empty_memory(1, N), empty_sensed(1), empty_frames(1)
+    parts = drone(me=me, max_hops=max_hops)
+    memory, sensed, work = parts.memory, parts.sensed, parts.work
     memory.hops[0] = UNKNOWN
     for other, distance in hops.items():
         memory.hops[0, other], memory.rel[0, other] = distance, [other, -other]
     memory.last_seen[0] = np.arange(N) * 10 + tick - 100
-    sensed.motion[0, :4] = [1.5, 2.5, 3.5, 4.5]
-    work = empty_work(np.array([me]), 1)
+    sensed.position[0], sensed.velocity[0] = [1.5, 2.5], [3.5, 4.5]
     work.observation[0, :3] = [0.5, -20.0, 20.0]
-    compose_row(tick, 0, 0, 7, rules(max_hops), work, sensed, frames, memory)
-    return frames
+    compose(tick, parts)
+    return parts.frames
 
 
 def test_a_frame_tells_who_where_and_what_is_observed() -> None:
     frames = composed({})
-    assert (frames.sender[0], frames.slot[0], frames.tick[0], frames.known_count[0]) == (2, 7, 512, 0)
+    assert (frames.sender[0], frames.tick[0], frames.known_count[0]) == (2, 512, 0)
     assert frames.motion[0].tolist() == [1.5, 2.5, 3.5, 4.5]
     # What does not fit is cut off at the end of the scale, not wrapped around it.
     assert frames.observation[0, :3].tolist() == [0.5 * OBSERVATION_UNIT, -32767, 32767]
@@ -216,10 +222,10 @@ def test_ages_are_told_in_turn_over_all_drones() -> None:
 
 
 def told_age(ticks_ago: int) -> int:
-    memory, frames = empty_memory(1, N), empty_frames(1)
-    memory.last_seen[0] = 5000 - ticks_ago
-    compose_row(5000, 0, 0, 7, rules(), empty_work(np.array([2]), 1), empty_sensed(1), frames, memory)
-    return int(frames.ages[0, 0])
+    parts = drone()
+    parts.memory.last_seen[0] = 5000 - ticks_ago
+    compose(5000, parts)
+    return int(parts.frames.ages[0, 0])
 
 
 @pytest.mark.parametrize(
@@ -232,12 +238,12 @@ def test_an_age_is_told_in_tenths_of_a_second_rounded_up(ticks_ago: int, age: in
 
 def test_a_rumour_never_makes_a_silent_drone_younger() -> None:
     """Passed on tick after tick, an age grows at least as fast as time."""
-    memory, work = empty_memory(1, N), empty_work(np.array([2]), 1)
+    memory = empty_memory(1, N)
     memory.last_seen[0, 5] = 100
     for tick in range(101, 400):
-        frames = empty_frames(1)
-        compose_row(tick, 0, 0, 7, rules(), work, empty_sensed(1), frames, memory)
-        hear_frame(memory, 0, frames, 0)
+        parts = drone(memory)
+        compose(tick, parts)
+        hear_frame(memory, 0, parts.frames, 0)
         assert memory.last_seen[0, 5] == 100
 
 

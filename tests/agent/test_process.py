@@ -39,8 +39,8 @@ WELCOME = Welcome(0, MISSION.model_dump(mode="json"), bytes(range(6)), 0)
 
 def sensed() -> Any:
     rows = empty_sensed(1)
-    rows.motion[0] = [1, 2, 3, 0.5]
-    rows.near_count[0], rows.near[0, 0] = 1, [0, 3, 1, 0, 0]
+    rows.position[0], rows.velocity[0] = [1, 2], [3, 0.5]
+    rows.near_count[0], rows.near[0, 0] = 1, (0, 3, 1, 0, 0)
     return SensedPacker(rows).pack(0)
 
 

@@ -11,23 +11,24 @@ from hypothesis import strategies as st
 from agent.control.gains import LIMITS, limits_for
 from agent.control.halfplanes import least_violation, nearest_point
 from agent.control.safety import barrier_bound, safety_filter
+from agent.control.surroundings import Discs, Neighbours
 from agent.rules import rules_of
 from protocols.mission.document import parse_mission
 
 DT = 0.01
 RADIUS = 10.0
-NOBODY = (0, np.zeros((0, 2)), np.zeros((0, 2)))
-NOTHING = (0, np.zeros((0, 2)), np.zeros(0))
+NOBODY = Neighbours(0, np.zeros((0, 2)), np.zeros((0, 2)))
+NOTHING = Discs(0, np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int8))
 
 
-def neighbours(*rows: tuple[float, float, float, float]) -> tuple[int, np.ndarray, np.ndarray]:
+def neighbours(*rows: tuple[float, float, float, float]) -> Neighbours:
     table = np.array(rows, float).reshape(-1, 4)
-    return len(table), table[:, :2].copy(), table[:, 2:].copy()
+    return Neighbours(len(table), table[:, :2].copy(), table[:, 2:].copy())
 
 
-def discs(*rows: tuple[float, float, float]) -> tuple[int, np.ndarray, np.ndarray]:
+def discs(*rows: tuple[float, float, float]) -> Discs:
     table = np.array(rows, float).reshape(-1, 3)
-    return len(table), table[:, :2].copy(), table[:, 2].copy()
+    return Discs(len(table), table[:, :2].copy(), table[:, 2].copy(), np.zeros(len(table), np.int8))
 
 
 # --- what it leaves alone ----------------------------------------------------------------------------------
@@ -36,18 +37,18 @@ def discs(*rows: tuple[float, float, float]) -> tuple[int, np.ndarray, np.ndarra
 def test_a_safe_command_passes_bit_for_bit():
     wish = (1.234567, -0.987654)
     assert (
-        safety_filter(*wish, 3.0, 0.0, *neighbours((5.0, 0.0, 0.0, 0.0)), *discs((9.0, 1.0, 1.5)), LIMITS)
+        safety_filter(wish, (3.0, 0.0), neighbours((5.0, 0.0, 0.0, 0.0)), discs((9.0, 1.0, 1.5)), LIMITS)
         == wish
     )
 
 
 def test_a_command_beyond_the_limit_is_shortened_not_turned():
-    assert safety_filter(30.0, 40.0, 0.0, 0.0, *NOBODY, *NOTHING, LIMITS) == pytest.approx((6.0, 8.0))
+    assert safety_filter((30.0, 40.0), (0.0, 0.0), NOBODY, NOTHING, LIMITS) == pytest.approx((6.0, 8.0))
 
 
 def test_flying_away_is_never_hindered():
     near = neighbours((-0.8, 0.0, -1.0, 0.0))
-    assert safety_filter(9.0, 0.0, 2.0, 0.0, *near, *discs((-1.8, 0.0, 1.0)), LIMITS) == (9.0, 0.0)
+    assert safety_filter((9.0, 0.0), (2.0, 0.0), near, discs((-1.8, 0.0, 1.0)), LIMITS) == (9.0, 0.0)
 
 
 def test_limits_are_those_of_the_mission():
@@ -63,13 +64,13 @@ def test_limits_are_those_of_the_mission():
 
 
 def test_full_speed_towards_a_near_wall_becomes_braking():
-    a_x, a_y = safety_filter(10.0, 0.0, 5.0, 0.0, *NOBODY, *discs((4.0, 0.0, 1.5)), LIMITS)
+    a_x, a_y = safety_filter((10.0, 0.0), (5.0, 0.0), NOBODY, discs((4.0, 0.0, 1.5)), LIMITS)
     assert a_x < -6.0
     assert a_y == pytest.approx(0.0)
 
 
 def test_only_the_part_towards_the_obstacle_is_taken_away():
-    a_x, a_y = safety_filter(5.0, 4.0, 0.0, 0.0, *NOBODY, *discs((2.1, 0.0, 1.5)), LIMITS)
+    a_x, a_y = safety_filter((5.0, 4.0), (0.0, 0.0), NOBODY, discs((2.1, 0.0, 1.5)), LIMITS)
     assert a_x == pytest.approx(0.0, abs=0.1)
     assert a_y == pytest.approx(4.0)
 
@@ -80,9 +81,9 @@ def test_swinging_around_something_is_room_gained(what: str) -> None:
 
     def most(v_tan: float) -> float:
         if what == "obstacle":
-            return safety_filter(9.9, 0.0, 0.0, v_tan, *NOBODY, *discs((3.0, 0.0, 2.25)), LIMITS)[0]
+            return safety_filter((9.9, 0.0), (0.0, v_tan), NOBODY, discs((3.0, 0.0, 2.25)), LIMITS)[0]
         limits = LIMITS._replace(agent_clearance=2.9)
-        return safety_filter(9.9, 0.0, 0.0, 0.0, *neighbours((3.0, 0.0, 0.0, v_tan)), *NOTHING, limits)[0]
+        return safety_filter((9.9, 0.0), (0.0, 0.0), neighbours((3.0, 0.0, 0.0, v_tan)), NOTHING, limits)[0]
 
     share = 1.0 if what == "obstacle" else LIMITS.agent_share
     assert most(4.0) - most(0.0) == pytest.approx(share * 4.0**2 / 3.0)
@@ -170,8 +171,8 @@ def test_contradicting_rows_keep_the_hard_ones_and_share_the_rest_of_the_violati
 def test_a_neighbour_pressing_in_never_pushes_an_agent_into_the_wall():
     wall = discs((2.2, 0.0, 1.5))  # 0.7 m ahead
     pusher = neighbours((-0.6, 0.0, 5.0, 0.0))  # closes in from behind at 5 m/s
-    a_x, _ = safety_filter(0.0, 0.0, 0.0, 0.0, *pusher, *wall, LIMITS)
-    alone, _ = safety_filter(RADIUS, 0.0, 0.0, 0.0, *NOBODY, *wall, LIMITS)
+    a_x, _ = safety_filter((0.0, 0.0), (0.0, 0.0), pusher, wall, LIMITS)
+    alone, _ = safety_filter((RADIUS, 0.0), (0.0, 0.0), NOBODY, wall, LIMITS)
     assert a_x <= alone + 1e-6
 
 
@@ -179,7 +180,7 @@ def test_the_same_situation_gets_the_same_bits():
     rng = np.random.default_rng(3)
     near = neighbours(*rng.uniform(-1.5, 1.5, (6, 4)))
     walls = discs((1.9, 0.3, 1.0), (-0.4, 2.2, 1.2))
-    answers = {safety_filter(9.0, 5.0, 2.0, 1.0, *near, *walls, LIMITS) for _ in range(20)}
+    answers = {safety_filter((9.0, 5.0), (2.0, 1.0), near, walls, LIMITS) for _ in range(20)}
     assert len(answers) == 1
 
 
@@ -196,9 +197,8 @@ def test_full_throttle_at_a_disc_stops_before_contact(believed, real):
         wish = 10.0 * towards / np.hypot(*towards)
         o_rel = np.array([[12.0, 0.0]]) - p
         seen = int(np.hypot(*o_rel[0]) - 1.5 < 6.0)
-        a = np.array(
-            safety_filter(*wish, *v, *NOBODY, seen, o_rel, np.array([1.5]), limits_for(believed, 0.5))
-        )
+        disc = Discs(seen, o_rel, np.array([1.5]), np.zeros(1, np.int8))
+        a = np.array(safety_filter(tuple(wish), tuple(v), NOBODY, disc, limits_for(believed, 0.5)))
         a *= min(1.0, real / max(np.hypot(*a), 1e-9))
         p += DT / 2 * (v + v + a * DT)
         v += a * DT
@@ -219,7 +219,9 @@ def test_a_mob_that_wants_one_point_does_not_collide():
             others = [j for j in range(8) if j != i and np.hypot(*(p[j] - p[i])) < 6.0]
             rel = np.ascontiguousarray(p[others] - p[i])
             vel = np.ascontiguousarray(v[others] - v[i])
-            a[i] = safety_filter(*(-8.0 * p[i]), *v[i], len(others), rel, vel, *NOTHING, LIMITS)
+            a[i] = safety_filter(
+                tuple(-8.0 * p[i]), tuple(v[i]), Neighbours(len(others), rel, vel), NOTHING, LIMITS
+            )
             least = min(least, *np.hypot(*rel.T), math.inf)
         p += DT / 2 * (v + v + a * DT)
         v += a * DT

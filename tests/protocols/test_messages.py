@@ -133,15 +133,15 @@ def test_a_world_tells_its_drones_that_it_lives_before_they_give_up() -> None:
 
 def test_what_is_sensed_survives_the_wire() -> None:
     sent, heard = empty_sensed(3), empty_sensed(1)
-    sent.motion[2] = range(4)
+    sent.position[2], sent.velocity[2] = (0, 1), (2, 3)
     sent.near_count[2], sent.obstacle_count[2] = 2, 1
-    sent.near[2, :2] = [[4, 1, 2, 3, 4], [9, -1, -2, -3, -4]]
-    sent.obstacles[2, 0] = [3, 4, 1.5]
-    heard.near[0], heard.near_count[0] = 7.0, 9  # what an earlier tick left
+    sent.near[2, :2] = [(4, 1, 2, 3, 4), (9, -1, -2, -3, -4)]
+    sent.obstacles[2, 0] = (3, 4, 1.5)
+    heard.near[0], heard.near_count[0] = (7, 7, 7, 7, 7), 9  # what an earlier tick left
     SensedReader(heard).read(SensedPacker(sent).pack(2))
-    assert heard.motion[0].tolist() == sent.motion[2].tolist()
+    assert (heard.position[0].tolist(), heard.velocity[0].tolist()) == ([0, 1], [2, 3])
     assert heard.near[0, : heard.near_count[0]].tolist() == sent.near[2, :2].tolist()
-    assert heard.obstacles[0, : heard.obstacle_count[0]].tolist() == [[3.0, 4.0, 1.5]]
+    assert heard.obstacles[0, : heard.obstacle_count[0]].tolist() == [(3.0, 4.0, 1.5)]
 
 
 def test_more_neighbours_than_a_drone_senses_are_refused() -> None:

@@ -6,15 +6,15 @@ from numpy.typing import NDArray
 
 from agent.policy import Seen
 from protocols.mission.document import Mission, parse_mission
-from protocols.relative import NEVER, UNKNOWN, chain_displacements
+from protocols.relative import NEVER, UNKNOWN, Heard, Nearby, RadioRules, chain_displacements
 from rsc_swarm.flight.simulate import Simulation
 
-Heard = dict[int, tuple[int, dict[int, tuple[float, float]], dict[int, tuple[float, float]]]]
+Said = dict[int, tuple[int, dict[int, tuple[float, float]], dict[int, tuple[float, float]]]]
 
 
 def relate(
     near: dict[int, tuple[float, float]],
-    heard: Heard,
+    heard: Said,
     tick: int = 100,
     memory: int = 50,
     max_hops: int = 3,
@@ -29,10 +29,9 @@ def relate(
             known[sender, entry], displacement[sender, entry] = other, step
     hops, rel = np.zeros(agents, np.int64), np.zeros((agents, 2))
     near_id, near_rel = np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)])
-    chain_displacements(
-        0, tick, memory, max_hops, len(near), near_id, near_rel, heard_tick, one_hop, count, known,
-        displacement, hops, rel,
-    )  # fmt: skip
+    rules = RadioRules(range_m=6.0, memory_ticks=memory, max_hops=max_hops)
+    said = Heard(heard_tick, one_hop, count, known, displacement)
+    chain_displacements(0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel)
     return hops.tolist(), rel
 
 
@@ -64,7 +63,7 @@ def test_the_shorter_path_counts_even_if_the_longer_is_fresher() -> None:
 def test_of_two_paths_as_short_the_one_heard_last_is_taken() -> None:
     near = {1: (1.0, 0.0), 2: (2.0, 0.0)}
     for late, place in ((1, [2.0, 0.0]), (2, [4.0, 0.0])):
-        heard: Heard = {1: (98, {3: (1.0, 0.0)}, {}), 2: (98, {3: (2.0, 0.0)}, {})}
+        heard: Said = {1: (98, {3: (1.0, 0.0)}, {}), 2: (98, {3: (2.0, 0.0)}, {})}
         heard[late] = (99, *heard[late][1:])
         assert relate(near, heard)[1][3].tolist() == place
 
@@ -76,13 +75,13 @@ def test_of_two_paths_as_short_and_as_fresh_the_smaller_number_is_taken() -> Non
 
 
 def test_a_neighbour_that_fell_silent_is_believed_for_as_long_as_memory_lasts() -> None:
-    heard: Heard = {1: (50, {2: (2.0, 0.0)}, {})}
+    heard: Said = {1: (50, {2: (2.0, 0.0)}, {})}
     assert relate({1: (1.0, 0.0)}, heard, tick=100, memory=50)[0][2] == 2
     assert relate({1: (1.0, 0.0)}, heard, tick=101, memory=50)[0][2] == UNKNOWN
 
 
 def test_nothing_is_said_of_drones_beyond_the_last_hop() -> None:
-    heard: Heard = {1: (99, {2: (2.0, 0.5)}, {3: (4.0, 1.0)})}
+    heard: Said = {1: (99, {2: (2.0, 0.5)}, {3: (4.0, 1.0)})}
     assert relate({1: (1.0, 0.0)}, heard, max_hops=2)[0][:4] == [0, 1, 2, UNKNOWN]
     assert relate({1: (1.0, 0.0)}, heard, max_hops=1)[0][:4] == [0, 1, UNKNOWN, UNKNOWN]
 

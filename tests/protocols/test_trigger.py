@@ -7,11 +7,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from protocols.mission.formation import build_formation, shape_points
-from protocols.relative import UNKNOWN
+from protocols.relative import UNKNOWN, RadioRules
 from protocols.slots.trigger import (
     CONTACT,
     NOBODY,
     TREE,
+    Known,
+    Shape,
+    SwapRules,
     affected_connected,
     contact_gain,
     swap_partner,
@@ -26,6 +29,7 @@ LINE = build_formation(
 )  # slots 0 1 2 3 4 abreast; root 2, then 1 and 3, then 0 and 4
 DEPTH = np.array([2, 1, 0, 1, 2])
 ME, OTHER = 1, 3
+RADIO = RadioRules(range_m=6.0, memory_ticks=50, max_hops=3)
 
 
 def square(vector: NDArray[np.float64]) -> float:
@@ -74,10 +78,9 @@ def ask(me: int, rule: int, places: list[float], fresh: bool = True, connected: 
     heard = np.full(5, 99 if fresh else 10)
     slots = np.arange(5)
     error = LINE.offsets[me, 1] - y[me]
-    asked = swap_partner(
-        me, 100, rule, 0.5, connected, 50, 6.0, 0.0, error, LINE.offsets, LINE.parent, DEPTH, slots, slots,
-        heard, hops, rel,
-    )  # fmt: skip
+    rules = SwapRules(rule=rule, margin_m=0.5, connected=connected, silent_ticks=400)
+    shape, known = Shape(LINE.offsets, LINE.parent, DEPTH), Known(slots, slots, heard, heard, hops, rel)
+    asked = swap_partner(me, 100, rules, RADIO, (0.0, error), shape, known)
     return int(asked)
 
 
@@ -158,12 +161,13 @@ def vacancy(
     rel = points - points[me]
     hops = np.where(slots == me, 0, 1)
     hops[list(unseen)] = UNKNOWN
-    ex, ey = star.offsets[me] - points[me]
-    return int(
-        vacancy_to_fill(
-            me, 1000, 400, 6.0, ex, ey, star.offsets, star.parent, slots, slots, last_seen, hops, rel
-        )
+    error = tuple(star.offsets[me] - points[me])
+    shape, known = (
+        Shape(star.offsets, star.parent, slots),
+        Known(slots, slots, last_seen, last_seen, hops, rel),
     )
+    rules = SwapRules(rule=CONTACT, margin_m=0.5, connected=False, silent_ticks=400)
+    return int(vacancy_to_fill(me, 1000, rules, RADIO, error, shape, known))
 
 
 def test_nobody_takes_the_slot_of_one_that_was_heard_within_the_time() -> None:

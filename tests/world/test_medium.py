@@ -60,8 +60,9 @@ class Air:
                 assert mine == sorted(mine), "by source, then by tick of sending"
                 self.heard += [(sent, source, agent, self.tick) for source, sent in mine]
             medium.relay(
-                self.link, self.seeds, now, self.active, self.alive, self.group, self.position,
-                np.full((1, agents), 100, np.int64), self.bad, self.queue, self.tally,
+                self.link, medium.Clocks(self.seeds, now, self.active),
+                medium.Air(self.alive, self.group, self.position, np.full((1, agents), 100, np.int64)),
+                self.bad, self.queue, self.tally,
             )  # fmt: skip
             self.spells.append(self.bad[0].copy())
             self.tick += 1

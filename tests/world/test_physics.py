@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from protocols.mission.document import parse_mission
-from world.core import WorldCore
+from world.core import Answers, WorldCore
 
 COAST = np.zeros((3, 2))
 SLOTS = np.arange(3)
@@ -24,7 +24,7 @@ def world(positions: list[list[float]], **fields: Any) -> WorldCore:
 def push(core: WorldCore, command: list[list[float]], ticks: int = 1) -> None:
     for _ in range(ticks):
         core.begin_tick()
-        core.advance(np.array(command, float), np.zeros(3, np.int64), SLOTS)
+        core.advance(Answers(np.array(command, float), np.zeros(3, np.int64), SLOTS))
 
 
 APART = [[0.0, 0.0], [0.0, 20.0], [0.0, 40.0]]
@@ -65,23 +65,25 @@ def test_a_slow_drone_has_its_share_of_both_limits_until_it_recovers() -> None:
 def test_what_has_fallen_out_of_the_air_moves_no_more_and_is_seen_by_nobody() -> None:
     core = world([[0, 0], [0, 3], [0, 6]])
     core.velocity[0, 1] = [5.0, 0.0]
-    core.lose(0, [1])
+    core.flying[0, [1]] = False
     push(core, [[0, 0], [9, 9], [0, 0]])
     assert core.position[0, 1].tolist() == [0.0, 3.0]
     assert seen_by(core, 0) == [2]
 
 
 def seen_by(core: WorldCore, agent: int) -> list[int]:
-    sensed = core.sense()
-    return [int(row[0]) for row in sensed.near[agent, : sensed.near_count[agent]]]
+    core.perceive()
+    sensed = core.sensed
+    return [int(near["number"]) for near in sensed.near[agent, : sensed.near_count[agent]]]
 
 
 def test_a_drone_senses_itself_and_its_neighbours_relative_to_itself() -> None:
     core = world([[1, 2], [4, 6], [50, 50]])
     core.velocity[0, :2] = [[1.0, 0.0], [0.0, 2.0]]
-    sensed = core.sense()
-    assert sensed.motion[0].tolist() == [1, 2, 1, 0]
-    assert sensed.near[0, : sensed.near_count[0]].tolist() == [[1, 3, 4, -1, 2]]
+    core.perceive()
+    sensed = core.sensed
+    assert (sensed.position[0].tolist(), sensed.velocity[0].tolist()) == ([1, 2], [1, 0])
+    assert sensed.near[0, : sensed.near_count[0]].tolist() == [(1, 3, 4, -1, 2)]
 
 
 @pytest.mark.parametrize(("gap", "seen"), [(6.0, [1]), (np.nextafter(6.0, 7), [])])
@@ -92,8 +94,9 @@ def test_sensing_ends_at_exactly_six_metres(gap: float, seen: list[int]) -> None
 def test_obstacles_are_seen_by_their_surface() -> None:
     core = world(APART, obstacles={"discs": [[8, 0, 2.0], [0, -7.99, 2.0], [-8, 0, 2.1]]})
     core.position[0] = APART
-    sensed = core.sense()
-    assert sensed.obstacles[0, : sensed.obstacle_count[0]].tolist() == [[0, -7.99, 2.0], [-8, 0, 2.1]]
+    core.perceive()
+    sensed = core.sensed
+    assert sensed.obstacles[0, : sensed.obstacle_count[0]].tolist() == [(0, -7.99, 2.0), (-8, 0, 2.1)]
     assert sensed.obstacle_count[1] == 0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from protocols.mission.document import parse_mission
-from world.core import WorldCore
+from world.core import Answers, WorldCore
 from world.outcome import Outcome
 
 # Five slots abreast: 0 1 2 3 4 from right to left, 2 the root, 0 and 4 the leaves.
@@ -25,7 +25,7 @@ def judged(core: WorldCore, claims: list[int] | None = None, ticks: int = 1) -> 
     for _ in range(ticks):
         if core.active[0]:
             core.begin_tick()
-            core.advance(np.zeros((5, 2)), np.zeros(5, np.int64), np.array(claims or range(5)))
+            core.advance(Answers(np.zeros((5, 2)), np.zeros(5, np.int64), np.array(claims or range(5))))
     return core.outcomes[0]
 
 
@@ -132,7 +132,7 @@ def test_drones_may_hold_any_slots_as_long_as_the_edges_fit() -> None:
 
 def test_an_empty_leaf_is_allowed() -> None:
     core = world()
-    core.lose(0, [4])
+    core.flying[0, [4]] = False
     outcome = judged(core)
     assert outcome is not None
     assert outcome.success
@@ -141,26 +141,28 @@ def test_an_empty_leaf_is_allowed() -> None:
 
 def test_an_empty_inner_slot_is_not() -> None:
     core = world()
-    core.lose(0, [3])
+    core.flying[0, [3]] = False
     assert judged(core, ticks=3) is None
 
 
 def test_when_the_next_has_moved_up_and_left_a_leaf_it_is_success() -> None:
     core = world(moved(4, 40.0, 5.0))
-    core.lose(0, [3])
+    core.flying[0, [3]] = False
     assert judged(core, [0, 1, 2, 3, 3]) is not None
 
 
 def test_two_claims_on_one_slot_are_no_formation_and_counted() -> None:
     core = world()
     assert judged(core, [0, 1, 2, 3, 0], ticks=5) is None
-    outcome = core.end(0, "interrupted")
+    core.end(0, "interrupted")
+    outcome = core.outcomes[0]
+    assert outcome is not None
     assert outcome.overlap_s == pytest.approx(0.05)
 
 
 def test_the_dead_collide_with_nobody() -> None:
     core = world(moved(4, 40.0, 5.1))
-    core.lose(0, [4])
+    core.flying[0, [4]] = False
     assert judged(core) is not None
     assert core.nearest[0, 3] == 5.0
     assert core.nearest[0, 4] == np.inf
@@ -168,7 +170,7 @@ def test_the_dead_collide_with_nobody() -> None:
 
 def test_nobody_left_is_no_success() -> None:
     core = world()
-    core.lose(0, list(range(5)))
+    core.flying[0, list(range(5))] = False
     assert judged(core, ticks=3) is None
 
 

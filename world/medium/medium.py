@@ -169,32 +169,42 @@ def _enqueue(queue: Queue, world: int, arrival: int, destination: int, source: i
         queue.waiting[world, bucket] = index + 1
 
 
+class Clocks(NamedTuple):
+    """Of each world (E,): its seed, its tick, and whether its flight goes on."""
+
+    seeds: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    active: NDArray[np.bool_]
+
+
+class Air(NamedTuple):
+    """Who is where on the air.
+
+    alive, group: (E, N). position: (E, N, 2) metres. sent_bytes: (E, N) size of this tick's frame, 0 for none.
+    """
+
+    alive: NDArray[np.bool_]
+    group: NDArray[np.int16]
+    position: NDArray[np.float64]
+    sent_bytes: NDArray[np.int64]
+
+
 @kernel
 def relay(
-    link: Link,
-    seeds: NDArray[np.int64],
-    ticks: NDArray[np.int64],
-    active: NDArray[np.bool_],
-    alive: NDArray[np.bool_],
-    group: NDArray[np.int16],
-    position: NDArray[np.float64],
-    sent_bytes: NDArray[np.int64],
-    bad: NDArray[np.bool_],
-    queue: Queue,
-    tally: NDArray[np.int64],
+    link: Link, clocks: Clocks, air: Air, bad: NDArray[np.bool_], queue: Queue, tally: NDArray[np.int64]
 ) -> None:
     """Judge the frames sent at this tick in every active world and queue what will arrive.
 
     Args:
-        seeds, ticks, active: (E,). alive, group, sent_bytes: (E, N), 0 bytes = no frame. position: (E, N, 2) metres.
         bad: (E, N, N) channel states, updated. queue, tally (E, 11): updated.
     """
+    alive, group, position, sent_bytes = air.alive, air.group, air.position, air.sent_bytes
     worlds, agents = alive.shape
     reach = link.range_m * link.range_m
     for world in range(worlds):
-        if not active[world]:
+        if not clocks.active[world]:
             continue
-        seed, tick = seeds[world], ticks[world]
+        seed, tick = clocks.seeds[world], clocks.ticks[world]
         if link.burst_enter > 0:
             age_channels(link, seed, tick, bad[world])
         for source in range(agents):
