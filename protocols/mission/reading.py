@@ -14,6 +14,8 @@ from typing import Any
 
 import yaml
 
+from protocols.errors import SwarmError
+
 MAX_BYTES = 1 << 16
 MAX_DEPTH = 16
 _MAX_DIGITS = 40
@@ -34,7 +36,7 @@ _PLAIN = {
 }
 
 
-class ReadingError(ValueError):
+class ReadingError(SwarmError, ValueError):
     """A text that is not read; one line says where and why."""
 
 

@@ -48,8 +48,8 @@ CLIP = "from protocols.dynamics import clip_ball; print(*clip_ball(3.0, 4.0, 10.
 CLIPPED = "3.0 4.0"
 # Rules as they are, each with a constant of another file in it.
 TRACK = (
-    "import numpy as np; from agent.control.follow import track_row; plan = np.ones((2, 2), np.float32); "
-    "print(track_row(1, np.zeros(4), 0 * plan, plan, np.zeros(2), np.zeros(2), False)[0])"
+    "import numpy as np; from agent.control.follow import Plan, track_row; plan = np.ones((2, 2), np.float32); "
+    "print(track_row(1, Plan(np.zeros(4), 0 * plan, plan), (0.0, 0.0), (0.0, 0.0), False)[0])"
 )
 LOSE = (
     "from world.medium.medium import Link, dropped_by; link = Link(6.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0); "
