@@ -195,7 +195,7 @@ def test_the_mission_command_prints_what_would_be_flown(run, tmp_path):
     assert run("mission", "--mission", str(file))[1] == out
     assert (
         run("mission", "--mission", str(file), "--check")[1]
-        == f"{file}: can be flown by 9 agents, formation square\n"
+        == f"{file}: can be flown by 9 agents, formation square, within 21 s\n"
     )
     assert "dense            A dense field" in run("mission", "--list")[1]
 
