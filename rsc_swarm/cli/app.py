@@ -51,7 +51,7 @@ def announce_compiling() -> None:
     from protocols.kernels import is_kept
 
     if not is_kept(before_policy):
-        typer.echo("compiling flight kernels, once (about a minute)...", err=True)
+        typer.echo("compiling flight kernels, once (a minute or two)...", err=True)
 
 
 def print_version(wanted: bool) -> None:
