@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from agent.body.relayed import Link, RelayedWorld, WorldClock
+from agent.body.relayed import Ending, Link, RelayedWorld, WorldClock
 from agent.core import AgentCore, Inputs
 from agent.ports import Body, Clock, Radio
 from agent.radio.air import Air
@@ -85,8 +85,8 @@ def rehearse(mission: Mission) -> None:
 
 def fly(
     link: Link, agent: int, leaving: Callable[[], bool], silence_s: float = messages.SILENCE_LIMIT_S
-) -> str:
-    """Take part in a flight in a relayed world as drone ``agent`` until it is over; return why it ended, for the log.
+) -> Ending:
+    """Take part in a flight in a relayed world as drone ``agent`` until it is over; return why it ended.
 
     Args:
         silence_s: leave when the world has said nothing for this long. Counted in this process's own running time: a pause of it
@@ -103,4 +103,5 @@ def fly(
         drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, clock.world, clock.world)
         drone.fly(clock)
         clock.leave(drone.status())
+    assert clock.ending is not None
     return clock.ending

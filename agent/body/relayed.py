@@ -6,6 +6,7 @@ flight until the world says Bye, until the world has been silent for too long, o
 
 import secrets
 from collections.abc import Callable, Iterator
+from enum import StrEnum
 from typing import Protocol
 
 from agent.ports import Heard
@@ -28,8 +29,15 @@ from protocols.wire.messages import (
 from protocols.wire.sensed import Sensed, SensedReader, empty_sensed
 from protocols.wire.status import AgentStatus
 
-OVER, WORLD_SILENT, ASKED_TO_LEAVE = "the flight is over", "the world has fallen silent", "asked to leave"
 _LISTEN_S = 0.2
+
+
+class Ending(StrEnum):
+    """Why a flight is over for a drone's process."""
+
+    OVER = "the flight is over"
+    WORLD_SILENT = "the world has fallen silent"
+    ASKED_TO_LEAVE = "asked to leave"
 
 
 class Link(Protocol):
@@ -93,7 +101,7 @@ class WorldClock:
         self._link, self._leaving, self._silence_s = link, leaving, silence_s
         self._process = secrets.randbelow(messages.MAX_PROCESS)
         self.world = RelayedWorld(self._process)
-        self.ending = ""
+        self.ending: Ending | None = None
         self._welcomed = False
         self._silent_s = 0.0
 
@@ -125,7 +133,7 @@ class WorldClock:
 
     def leave(self, status: AgentStatus) -> None:
         """Answer the world's Bye, if that is why it is over."""
-        if self.ending == OVER:
+        if self.ending is Ending.OVER:
             self._say(self.world.farewell(status))
 
     def _say(self, message: FromDrone) -> None:
@@ -138,7 +146,7 @@ class WorldClock:
             if data is None:
                 self._silent_s += _LISTEN_S
                 if self._silent_s >= self._silence_s:
-                    self.ending = WORLD_SILENT
+                    self.ending = Ending.WORLD_SILENT
                     return None
                 if not self._welcomed:
                     self._say(Hello(messages.VERSION, self._process))
@@ -149,7 +157,7 @@ class WorldClock:
             except MessageError:
                 continue
             if isinstance(message, Bye):
-                self.ending = OVER
+                self.ending = Ending.OVER
                 return None
             if isinstance(message, Refused) and message.process == self._process:
                 raise LinkError(message.why)
@@ -157,5 +165,5 @@ class WorldClock:
                 return message
             if self._welcomed:
                 self._say(Ready(self._process))
-        self.ending = ASKED_TO_LEAVE
+        self.ending = Ending.ASKED_TO_LEAVE
         return None

@@ -18,7 +18,7 @@ from typing import Any
 
 import psutil
 
-from agent.body.relayed import WORLD_SILENT
+from agent.body.relayed import Ending
 from agent.policy import PolicyError
 from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
@@ -330,6 +330,6 @@ def fly_agent(
         if leave.asked:
             return str(error)
         raise RunBroken(str(error)) from None
-    if reason == WORLD_SILENT:
+    if reason is Ending.WORLD_SILENT:
         raise RunBroken(f"agent {agent}: {reason}")
     return reason

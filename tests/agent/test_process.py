@@ -275,7 +275,7 @@ class Script:
 
 def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
     world = Script(WELCOME, ticked(0, []), Wait(), ticked(1, []), Bye())
-    assert fly(world, ME, lambda: False) == "the flight is over"
+    assert fly(world, ME, lambda: False) is Ending.OVER
     assert world.kinds == [Hello, Ready, Reply, Ready, Reply, Farewell]
     assert world.answered == [0, 1]
     assert {message.process for message in world.heard} == {world.process}
@@ -283,19 +283,19 @@ def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
 
 def test_a_drone_repeats_its_hello_until_it_is_welcomed_and_leaves_a_silent_world() -> None:
     world = Script()
-    assert fly(world, ME, lambda: False) == "the world has fallen silent"
+    assert fly(world, ME, lambda: False) is Ending.WORLD_SILENT
     assert world.kinds == [Hello] * len(world.heard)
     assert len(world.heard) > 3
 
 
 def test_a_world_that_only_says_wait_is_not_silent() -> None:
     world = Script(*[Wait()] * 500, Bye())
-    assert fly(world, ME, lambda: False) == "the flight is over"
+    assert fly(world, ME, lambda: False) is Ending.OVER
 
 
 def test_a_drone_leaves_when_asked_to() -> None:
     world = Script(WELCOME, *(ticked(tick, []) for tick in range(100)))
-    assert fly(world, ME, lambda: len(world.heard) > 10) == "asked to leave"
+    assert fly(world, ME, lambda: len(world.heard) > 10) is Ending.ASKED_TO_LEAVE
     assert len(world.heard) == 11
 
 
@@ -313,7 +313,7 @@ def test_a_second_welcome_does_not_make_a_drone_forget() -> None:
 
 def test_what_is_said_to_another_process_with_its_login_moves_it_not() -> None:
     world = Script(WELCOME._replace(process=7), ticked(0, []), Refused(7, "not you"), Wait(), Bye())
-    assert fly(world, ME, lambda: False) == "the flight is over"
+    assert fly(world, ME, lambda: False) is Ending.OVER
     assert world.kinds == [Hello]
 
 
@@ -336,7 +336,7 @@ def test_a_pause_of_its_own_is_no_silence_of_the_world(monkeypatch: pytest.Monke
             return super().receive(timeout_s) if self.heard.count(self.heard[0]) > 5 else None
 
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
-    assert fly(Stopped(Bye()), ME, lambda: False, silence_s=2.0) == "the flight is over"
+    assert fly(Stopped(Bye()), ME, lambda: False, silence_s=2.0) is Ending.OVER
 
 
 def test_a_drone_tells_of_itself_now_and_then() -> None:
