@@ -19,12 +19,12 @@ from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
 from protocols.mission.policy_name import from_folder
 from protocols.mission.reading import write_value
-from rsc_swarm.cli.options import mission_path
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.flight.report import FlightReport, report_of
+from rsc_swarm.missions import mission_file
 from rsc_swarm.show.plots.flight import Track
 from rsc_swarm.show.plots.flight import draw as draw_tracks
-from rsc_swarm.show.report import FlightReport, report_of
 from rsc_swarm.study import evaluate as study
 from rsc_swarm.study.evaluate import Evaluation
 from rsc_swarm.study.finished import fingerprint
@@ -75,17 +75,10 @@ def mission(source: str | Path | None = None, /, **fields: Any) -> Mission:
     """
     document: dict[str, Any] = {}
     if source is not None:
-        document = read_mission_fields(_file_of(str(source)))
+        document = read_mission_fields(mission_file(str(source)))
     if isinstance(fields.get("policy"), type):
         fields["policy"] = _name_of(fields["policy"])
     return parse_mission(_merged(document, fields), str(source or "mission"))
-
-
-def _file_of(source: str) -> Path:
-    try:
-        return mission_path(source)
-    except MissionError as error:
-        raise MissionError(str(error).removeprefix("--mission ")) from None
 
 
 def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

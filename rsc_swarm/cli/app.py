@@ -1,12 +1,16 @@
 """What all commands share: the application, options that several of them take, and the look of their help."""
 
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from enum import StrEnum
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.options import Clock
 
 app = typer.Typer(
     name="rsc-swarm",
@@ -26,18 +30,30 @@ JsonFile = Annotated[
         "--json", metavar="FILE", help="Write the report as JSON; - for stdout, and nothing else there."
     ),
 ]
-RunFolder = Annotated[
-    Path | None,
-    typer.Option(
-        "--run-dir", metavar="DIR", help="Keep mission, policy, report, all paths and the logs here."
-    ),
-]
-Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Use a --run-dir again that holds an earlier flight.")
-]
-ClockOption = Annotated[
-    Clock, typer.Option(help="As fast as the machine can and repeatable, or 100 Hz on the wall clock.")
-]
+
+
+class Clock(StrEnum):
+    """How fast the ticks come."""
+
+    lockstep = "lockstep"
+    realtime = "realtime"
+
+
+@dataclass(frozen=True)
+class FlightOptions:
+    """Options of every command that flies once: how fast, and where the flight is kept."""
+
+    clock: Annotated[
+        Clock, typer.Option(help="As fast as the machine can and repeatable, or 100 Hz on the wall clock.")
+    ] = Clock.lockstep
+    json: JsonFile = None
+    run_dir: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Keep mission, policy, report, all paths and the logs here."),
+    ] = None
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Use a --run-dir again that holds an earlier flight.")
+    ] = False
 
 
 def examples(*lines: str) -> str:
@@ -70,3 +86,33 @@ def _swarm(
     ] = False,
 ) -> None:
     pass
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command one option per field of each parameter that is a dataclass of options."""
+    parameters = inspect.signature(command).parameters
+    groups: dict[str, Any] = {
+        name: entry.annotation for name, entry in parameters.items() if is_dataclass(entry.annotation)
+    }
+    flat = [
+        entry.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, entry in parameters.items()
+        if name not in groups
+    ]
+    for group in groups.values():
+        flat += [
+            inspect.Parameter(
+                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
+            )
+            for field in fields(group)
+        ]
+
+    @wraps(command)
+    def run(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        command(**values)
+
+    run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
+    run.__annotations__ = {entry.name: entry.annotation for entry in flat}
+    return run

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app, examples
-from rsc_swarm.cli.options import MissionOptions, command_line, resolve, with_options
+from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
+from rsc_swarm.options import MissionOptions, command_line, resolve
 
 if TYPE_CHECKING:
     from rsc_swarm.study.evaluate import Amount

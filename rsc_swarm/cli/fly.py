@@ -3,20 +3,20 @@
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from agent.policy import files_of, find_policy
 from protocols.errors import ExitCode
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
-from rsc_swarm.cli.options import Clock, MissionOptions, command_line, resolve
+from rsc_swarm.cli.app import Clock, FlightOptions
 from rsc_swarm.cli.output import JsonOutput
 from rsc_swarm.flight.processes import leave_when_asked
 from rsc_swarm.flight.provenance import provenance
+from rsc_swarm.flight.report import FlightReport, agents_text, report_of
 from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.options import MissionOptions, command_line, resolve
 from rsc_swarm.show.render import plain, render, show
-from rsc_swarm.show.report import FlightReport, agents_text, report_of
 from rsc_swarm.show.view import View, line
 from world.outcome import Flown
 
@@ -50,20 +50,11 @@ def told_unsaved(why: str | None) -> None:
         raise WriteError(why)
 
 
-class Outputs(NamedTuple):
-    """Where a flight is kept: the options ``--json``, ``--run-dir`` and ``--overwrite``."""
-
-    json: str | None
-    run_dir: Path | None
-    overwrite: bool
-
-
 def fly_once(
     mode: Literal["simulate", "launch", "world"],
     fly: Callable[[Flight], Told],
+    asked: FlightOptions,
     options: MissionOptions,
-    clock: Clock,
-    outputs: Outputs,
     also: Mapping[str, Any] | None = None,
 ) -> ExitCode:
     """Fly once; how the command ends. ``also``: the options that flying it again needs besides those of the mission.
@@ -74,20 +65,20 @@ def fly_once(
         protocols.errors.SwarmError: the mission cannot be flown, or the run itself broke.
     """
     mission = resolve(options)
-    output = JsonOutput(outputs.json)
+    output = JsonOutput(asked.json)
     policy_files = files_of(find_policy(mission.policy, mission))
     flown_with = provenance(policy_files)
-    folder = RunDir(outputs.run_dir) if outputs.run_dir else None
+    folder = RunDir(asked.run_dir) if asked.run_dir else None
     if folder:
-        folder.begin(mission, policy_files, outputs.overwrite)
+        folder.begin(mission, policy_files, asked.overwrite)
         options = MissionOptions(mission=str(folder.mission))
-    realtime = {} if clock is Clock.lockstep else {"clock": clock.value}
+    realtime = {} if asked.clock is Clock.lockstep else {"clock": asked.clock.value}
     again = command_line(mode, options, **(also or {}), **realtime)
     who = f"{agents_text(mission.agents)}, policy {mission.policy}"
     view = View(f"{mode} {mission.name}: {who}, map {mission.map_seed}, seed {mission.seed}")
     try:
         with view:
-            told = fly(Flight(mission, clock, view, folder))
+            told = fly(Flight(mission, asked.clock, view, folder))
     except KeyboardInterrupt:
         reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
         print(reached, file=sys.stderr)
@@ -95,7 +86,7 @@ def fly_once(
     # Who pressed Ctrl-C once may press it again: what was flown is told and kept all the same.
     with leave_when_asked():
         report = report_of(
-            told.flown, mission, mode, clock.value, again, told.first_tick_s, told.pss_mb, flown_with
+            told.flown, mission, mode, asked.clock.value, again, told.first_tick_s, told.pss_mb, flown_with
         )
         show(render(report), output.beside)
         whole = _keeps(partial(output.write, report.model_dump_json(indent=2)))

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from rsc_swarm.cli.app import app, examples
-from rsc_swarm.cli.options import SHIPPED, MissionOptions, resolve, shipped_missions, with_options
+from rsc_swarm.cli.app import app, examples, with_options
+from rsc_swarm.missions import SHIPPED, shipped_missions
+from rsc_swarm.options import MissionOptions, resolve
 
 
 @app.command(

@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
-from rsc_swarm.cli.options import MissionOptions, chosen, flag, resolve
 from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.options import MissionOptions, chosen, flag, resolve
 from rsc_swarm.show.plots.curves import draw_curves, draw_horizons
 from rsc_swarm.show.plots.flight import Track, draw
 from rsc_swarm.show.plots.style import PlotError

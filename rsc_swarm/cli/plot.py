@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rsc_swarm.cli.app import announce_compiling, app, examples
-from rsc_swarm.cli.options import MissionOptions, with_options
+from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
+from rsc_swarm.options import MissionOptions
 
 
 @app.command(

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from rsc_swarm.cli.app import ClockOption, JsonFile, Overwrite, RunFolder, announce_compiling, app, examples
-from rsc_swarm.cli.options import Clock, MissionOptions, with_options
+from rsc_swarm.cli.app import Clock, FlightOptions, announce_compiling, app, examples, with_options
+from rsc_swarm.options import MissionOptions
 
 if TYPE_CHECKING:
     from rsc_swarm.cli.fly import Flight, Told
@@ -20,18 +20,12 @@ if TYPE_CHECKING:
     )
 )
 @with_options
-def simulate(
-    options: MissionOptions,
-    clock: ClockOption = Clock.lockstep,
-    json: JsonFile = None,
-    run_dir: RunFolder = None,
-    overwrite: Overwrite = False,
-) -> None:
+def simulate(flight: FlightOptions, options: MissionOptions) -> None:
     """Fly once, the whole swarm in this one process: fastest, and bit for bit the flight of launch."""
     announce_compiling()
-    from rsc_swarm.cli.fly import Outputs, fly_once
+    from rsc_swarm.cli.fly import fly_once
 
-    raise typer.Exit(fly_once("simulate", _fly, options, clock, Outputs(json, run_dir, overwrite)))
+    raise typer.Exit(fly_once("simulate", _fly, flight, options))
 
 
 def _fly(flight: "Flight") -> "Told":

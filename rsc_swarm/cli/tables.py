@@ -9,7 +9,7 @@ import typer
 
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import app, examples
-from rsc_swarm.cli.options import MissionOptions, chosen, flag
+from rsc_swarm.options import MissionOptions, chosen, flag
 
 if TYPE_CHECKING:
     from rsc_swarm.study.evaluate import Amount

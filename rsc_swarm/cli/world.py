@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsc_swarm.cli.app import ClockOption, JsonFile, Overwrite, RunFolder, announce_compiling, app, examples
-from rsc_swarm.cli.options import Clock, MissionOptions, with_options
+from rsc_swarm.cli.app import FlightOptions, announce_compiling, app, examples, with_options
+from rsc_swarm.options import MissionOptions
 
 if TYPE_CHECKING:
     from rsc_swarm.cli.fly import Flight, Told
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 @app.command(epilog=examples("world --listen tcp/0.0.0.0:7447 --credentials-dir keys --agents 4"))
 @with_options
 def world(
+    flight: FlightOptions,
     options: MissionOptions,
     listen: Annotated[
         list[str], typer.Option(metavar="ENDPOINT", help="Where drones reach it; may be repeated.")
@@ -26,19 +27,15 @@ def world(
             metavar="DIR", help="Where to put a credentials file per drone, to copy to its machine."
         ),
     ],
-    clock: ClockOption = Clock.lockstep,
-    json: JsonFile = None,
-    run_dir: RunFolder = None,
-    overwrite: Overwrite = False,
     join_s: Annotated[float, typer.Option(min=1, help="How long to wait for all drones to arrive.")] = 120.0,
 ) -> None:
     """Run the world alone, for drones on other machines."""
     announce_compiling()
-    from rsc_swarm.cli.fly import Outputs, fly_once
+    from rsc_swarm.cli.fly import fly_once
 
     fly = partial(_fly, listen, credentials_dir, join_s)
     again = {"listen": listen, "credentials_dir": credentials_dir.absolute()}
-    raise typer.Exit(fly_once("world", fly, options, clock, Outputs(json, run_dir, overwrite), again))
+    raise typer.Exit(fly_once("world", fly, flight, options, again))
 
 
 def _fly(listen: list[str], credentials: Path, join_s: float, flight: "Flight") -> "Told":

@@ -21,7 +21,7 @@ from protocols.errors import SwarmError
 from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.policy_name import file_of, named_by
 from protocols.whole_file import write_whole
-from rsc_swarm.show.report import FlightReport
+from rsc_swarm.flight.report import FlightReport
 
 _MARK = "# A flight of rsc-swarm: this is its mission, with every field.\n"
 

@@ -8,7 +8,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from rsc_swarm.show.report import FlightReport, agents_text, lost_text
+from rsc_swarm.flight.report import FlightReport, agents_text, lost_text
 
 _HOW = {"simulate": "in one process", "launch": "in real processes", "world": "with drones from elsewhere"}
 

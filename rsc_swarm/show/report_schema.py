@@ -6,7 +6,7 @@ import typing
 
 from pydantic import BaseModel
 
-from rsc_swarm.show.report import FlightReport
+from rsc_swarm.flight.report import FlightReport
 
 _HEAD = """# The report of a flight
 

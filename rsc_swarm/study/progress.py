@@ -1,12 +1,22 @@
 """How far an evaluation is."""
 
 from statistics import fmean
+from typing import Protocol
 
-from rsc_swarm.show.progress import Meter
 from rsc_swarm.study.evaluate import Watcher
 from rsc_swarm.study.workers import Flight
 
 TICKS_GUESS = 0.75  # of the ticks a flight may take, until some have been flown
+
+
+class Meter(Protocol):
+    """Where progress is shown: rsc_swarm.show.progress.Meter on a terminal."""
+
+    def due(self) -> bool:
+        """Whether it is time to draw again."""
+
+    def draw(self, done: float, text: str) -> None:
+        """So much of the whole, 0 to 1, is done."""
 
 
 class Flights(Watcher):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from agent import process
 from agent import tick as cycle
+from agent.body.relayed import Ending
 from agent.process import fly
 from protocols.mission.document import parse_mission
 from protocols.wire import messages

@@ -10,7 +10,7 @@ import pytest
 
 import rsc_swarm as rs
 from rsc_swarm.api import _settings
-from rsc_swarm.cli.options import MissionOptions, resolve
+from rsc_swarm.options import MissionOptions, resolve
 from world.outlets.trajectory import TrajectoryError
 
 ROOT = Path(__file__).parents[2]

@@ -15,8 +15,8 @@ import pytest
 
 from rsc_swarm.cli import main as cli
 from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.flight.report import FlightReport
 from rsc_swarm.flight.run_dir import RunDir
-from rsc_swarm.show.report import FlightReport
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "rsc_swarm.cli.main"]

@@ -10,18 +10,10 @@ from hypothesis import strategies as st
 
 from protocols.mission.document import Mission, MissionError, mission_yaml
 from protocols.mission.policy_name import from_folder
+from rsc_swarm.cli.app import with_options
 from rsc_swarm.cli.mission import about
-from rsc_swarm.cli.options import (
-    SHIPPED,
-    Aim,
-    Formation,
-    MissionOptions,
-    Swap,
-    command_line,
-    resolve,
-    shipped_missions,
-    with_options,
-)
+from rsc_swarm.missions import SHIPPED, shipped_missions
+from rsc_swarm.options import Aim, Formation, MissionOptions, Swap, command_line, resolve
 from world.field import draw_obstacles, draw_start
 
 

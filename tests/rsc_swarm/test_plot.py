@@ -8,10 +8,10 @@ import pytest
 
 from protocols.mission.document import Mission
 from rsc_swarm.cli import pictures as plot_command
-from rsc_swarm.cli.options import MissionOptions
 from rsc_swarm.cli.pictures import Subject
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.options import MissionOptions
 from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.events import collision_place
 from rsc_swarm.show.plots.flight import Track, _edges, _free_place, draw

@@ -8,8 +8,8 @@ import pytest
 
 from protocols.mission.document import Mission
 from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.report import FlightReport, describe, describe_failure, report_of
 from rsc_swarm.show.render import plain, render
-from rsc_swarm.show.report import FlightReport, describe, describe_failure, report_of
 from rsc_swarm.show.report_schema import json_schema, markdown
 from world.outcome import Outcome
 

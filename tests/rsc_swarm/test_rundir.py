@@ -14,9 +14,9 @@ from agent.policy.model_file import SHIPPED, note_of
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.provenance import provenance
+from rsc_swarm.flight.report import report_of
 from rsc_swarm.flight.run_dir import Ended, RunDir, RunDirError
 from rsc_swarm.show.render import plain, render
-from rsc_swarm.show.report import report_of
 from world.outlets.recorder import Recorder
 
 HOMING = """

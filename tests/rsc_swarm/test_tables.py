@@ -11,7 +11,7 @@ import pytest
 
 from protocols.mission.document import Mission, MissionError
 from rsc_swarm.cli import tables as command
-from rsc_swarm.cli.options import MissionOptions, resolve
+from rsc_swarm.options import MissionOptions, resolve
 from rsc_swarm.study.evaluate import Amount, seeds_of
 from rsc_swarm.study.tables import flying, plan_error, rows
 from rsc_swarm.study.tables.markdown import cells, drawn, legend, markdown, page

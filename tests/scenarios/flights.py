@@ -22,7 +22,7 @@ _FLY = """
 import dataclasses, json, sys
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.launch import launch
-from rsc_swarm.show.report import report_of
+from rsc_swarm.flight.report import report_of
 
 clock, tasks = json.loads(sys.argv[1])
 for fields in tasks:

@@ -8,8 +8,8 @@ import pytest
 
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.report import report_of
 from rsc_swarm.flight.simulate import simulate
-from rsc_swarm.show.report import report_of
 from tests import loopback
 from tests.models import random_model, saved
 from tests.scenarios.flights import Fields, launched, whole

@@ -10,11 +10,10 @@ from pathlib import Path
 
 from agent.policy import PolicyError
 from protocols.mission.document import Mission, MissionError
-from rsc_swarm.cli.options import resolve
-from rsc_swarm.show.progress import Meter
+from rsc_swarm.options import resolve
 from rsc_swarm.study.evaluate import evaluate, journal_path, summarise
 from rsc_swarm.study.finished import FinishedFlights, fingerprint
-from rsc_swarm.study.progress import TICKS_GUESS, Flights
+from rsc_swarm.study.progress import TICKS_GUESS, Flights, Meter
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import RowResult, TableError, row_result
 from rsc_swarm.study.tables.rows import Row

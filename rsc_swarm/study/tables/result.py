@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from protocols.errors import SwarmError
 from protocols.whole_file import write_whole
-from rsc_swarm.cli.options import command_line
+from rsc_swarm.options import command_line
 from rsc_swarm.study.evaluate import Evaluation
 from rsc_swarm.study.tables.rows import TABLES, Paper, Row, Table
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from protocols.mission.document import MissionError
-from rsc_swarm.cli.options import Formation, MissionOptions
+from rsc_swarm.options import Formation, MissionOptions
 
 
 @dataclass(frozen=True)

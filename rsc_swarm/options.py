@@ -1,27 +1,23 @@
-"""The options every command shares, and how they become a mission.
+"""What is to be flown, as it is asked for: the options that many commands share, and how they become a mission.
 
 An option overrides the mission file, which overrides the defaults. ``--set`` reaches every field that has no
 option of its own. Nothing here imports the mission before a command asks, so that ``--help`` answers at once.
 """
 
-import inspect
 import re
 import shlex
-from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from protocols.mission.policy_name import from_folder
+from rsc_swarm.missions import mission_file, shipped_missions
 
 if TYPE_CHECKING:
     from protocols.mission.document import Mission
-
-SHIPPED = Path(__file__).parents[1] / "missions"
 
 
 class Formation(StrEnum):
@@ -49,22 +45,10 @@ class Swap(StrEnum):
     contact = "contact"
 
 
-class Clock(StrEnum):
-    """How fast the ticks come."""
-
-    lockstep = "lockstep"
-    realtime = "realtime"
-
-
 def _policies() -> list[str]:
     from agent.policy import policy_names
 
     return policy_names()
-
-
-def shipped_missions() -> list[str]:
-    """Names of the missions that come with the project."""
-    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
 
 
 _WHO, _RADIO = "Who flies what, where", "Radio"
@@ -203,7 +187,10 @@ def resolve(options: MissionOptions) -> "Mission":
 
     source, document = "", {}
     if options.mission is not None:
-        path = mission_path(options.mission)
+        try:
+            path = mission_file(options.mission)
+        except MissionError as error:
+            raise MissionError(f"--mission {error}") from None
         source, document = f"{options.mission}: ", read_mission_fields(path)
     flags = {}
     for name, value in chosen(options, "mission", "set").items():
@@ -222,24 +209,6 @@ def resolve(options: MissionOptions) -> "Mission":
     for field, name in flags.items():
         named = re.sub(rf"(^|; ){re.escape(field)}: ", rf"\g<1>{name}: ", named)
     raise MissionError(named if named != text else source + text)
-
-
-def mission_path(name: str) -> Path:
-    """Where the mission called ``name`` is: a file, or one of the shipped missions.
-
-    Raises:
-        protocols.mission.document.MissionError: neither.
-    """
-    from protocols.mission.document import MissionError
-
-    shipped = SHIPPED / f"{name}.yaml"
-    if name in shipped_missions() and not Path(name).is_file():
-        return shipped
-    if not Path(name).is_file():
-        raise MissionError(
-            f"--mission {name}: no such file; shipped missions are {', '.join(shipped_missions())}"
-        )
-    return Path(name)
 
 
 def _setting(text: str) -> tuple[str, Any]:
@@ -293,33 +262,3 @@ def command_line(verb: str, options: MissionOptions, **instead: Any) -> str:
         for item in value if isinstance(value, list) else [value]:
             words += [flag(name), repr(item).removesuffix(".0") if isinstance(item, float) else str(item)]
     return shlex.join(words)
-
-
-def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command one option per field of each parameter that is a dataclass of options."""
-    parameters = inspect.signature(command).parameters
-    groups: dict[str, Any] = {
-        name: entry.annotation for name, entry in parameters.items() if is_dataclass(entry.annotation)
-    }
-    flat = [
-        entry.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        for name, entry in parameters.items()
-        if name not in groups
-    ]
-    for group in groups.values():
-        flat += [
-            inspect.Parameter(
-                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
-            )
-            for field in fields(group)
-        ]
-
-    @wraps(command)
-    def run(**values: Any) -> None:
-        for name, group in groups.items():
-            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
-        command(**values)
-
-    run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
-    run.__annotations__ = {entry.name: entry.annotation for entry in flat}
-    return run
