@@ -29,9 +29,10 @@ class Hosted:
         self.drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, self.world, self.world)
 
     def answer(self, asked: Tick) -> Reply:
-        """One tick."""
-        self.world.take(asked)
-        self.drone.act(asked.tick)
+        """One tick; where it is asked again, the same answer."""
+        if asked.tick > self.world.tick:
+            self.world.take(asked)
+            self.drone.act(asked.tick)
         return self.world.reply()
 
     def farewell(self) -> Farewell:

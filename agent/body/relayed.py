@@ -30,6 +30,8 @@ from protocols.wire.sensed import Sensed, SensedReader, empty_sensed
 from protocols.wire.status import AgentStatus
 
 _LISTEN_S = 0.2
+_LOOKS = 5  # that bring nothing: then it says that it is there, and is asked again what was lost on the way
+_MOST_LOOKS = 1000  # and no more: the pipe to a world that is stopped is not to fill up
 
 
 class Ending(StrEnum):
@@ -55,10 +57,15 @@ class RelayedWorld:
         self._process = process
         self._sensed = empty_sensed(1)
         self._reader = SensedReader(self._sensed)
-        self._asked = Tick(-1, (b"", b"", b""), b"", [])
+        self._asked = Tick(-1, -1, (b"", b"", b""), b"", [])
         self._command, self._slot = (0.0, 0.0), 0
         self._frame: bytes | None = None
         self._status: AgentStatus | None = None
+
+    @property
+    def tick(self) -> int:
+        """The last that was begun."""
+        return self._asked.tick
 
     def take(self, asked: Tick) -> None:
         """Begin the tick for which this was sent."""
@@ -103,7 +110,7 @@ class WorldClock:
         self.world = RelayedWorld(self._process)
         self.ending: Ending | None = None
         self._welcomed = False
-        self._silent_s = 0.0
+        self._silent = 0  # looks that brought nothing
 
     def join(self) -> Welcome | None:
         """Ask to take part until the world says what is flown; None when it is over before.
@@ -127,9 +134,11 @@ class WorldClock:
         self._say(Ready(self._process))
         while (message := self._next()) is not None:
             if isinstance(message, Tick):
-                self.world.take(message)
-                yield message.tick
-                self._say(self.world.reply())
+                if message.tick > self.world.tick:
+                    self.world.take(message)
+                    yield message.tick
+                if message.tick == self.world.tick:  # where the answer was lost, the world asks again
+                    self._say(self.world.reply())
 
     def leave(self, status: AgentStatus) -> None:
         """Answer the world's Bye, if that is why it is over."""
@@ -144,14 +153,16 @@ class WorldClock:
         while not self._leaving():
             data = self._link.receive(_LISTEN_S)
             if data is None:
-                self._silent_s += _LISTEN_S
-                if self._silent_s >= self._silence_s:
+                self._silent += 1
+                if self._silent * _LISTEN_S >= self._silence_s:
                     self.ending = Ending.WORLD_SILENT
                     return None
                 if not self._welcomed:
                     self._say(Hello(messages.VERSION, self._process))
+                elif self._silent % _LOOKS == 0 and self._silent <= _MOST_LOOKS:
+                    self._say(Ready(self._process))
                 continue
-            self._silent_s = 0.0
+            self._silent = 0
             try:
                 message = messages.unpack_from_world(data)
             except MessageError:

@@ -5,7 +5,7 @@ drone -> world   Hello     asks to take part, repeated until welcomed
                  Reply     the answer to a Tick
                  Farewell  the answer to Bye
 world -> drone   Welcome   the mission
-                 Tick      what is sensed and heard now
+                 Tick      what is sensed and heard now; the same one again where the answer has not come
                  Wait      nothing new, but the world is alive
                  Bye       the flight is over
                  Refused   this process has no place in the flight
@@ -22,7 +22,7 @@ from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.sensed import Packed
 from protocols.wire.status import AgentStatus, parse_status
 
-VERSION = 3
+VERSION = 4
 WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
 SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
@@ -72,9 +72,10 @@ class Welcome(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """``sources[i]`` sent ``heard[i]``."""
+    """``sources[i]`` sent ``heard[i]``. ``followed``: the tick of the Reply by which the drone flies now; -1: none yet."""
 
     tick: int
+    followed: int
     sensed: Packed
     sources: bytes
     heard: list[bytes]
@@ -186,8 +187,8 @@ def unpack_from_world(data: bytes) -> FromWorld:
     """
     kind, fields = _unpack(data)
     if kind is Tick:
-        _typed(fields, int, list, bytes, list)
-        if len(fields[1]) != 3:
+        _typed(fields, int, int, list, bytes, list)
+        if len(fields[2]) != 3:
             raise MessageError("what is sensed comes in three parts")
         return Tick(*fields)
     if kind is Welcome:

@@ -75,7 +75,7 @@ def from_others(heard: list[bytes]) -> tuple[bytes, list[bytes]]:
 
 
 def ticked(tick: int, heard: list[bytes]) -> Tick:
-    return Tick(tick, sensed(), *from_others(heard))
+    return Tick(tick, tick - 1, sensed(), *from_others(heard))
 
 
 def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[Reply], dict[str, int]]:
@@ -91,7 +91,7 @@ DEAF = answers([])[0]
 def test_a_frame_in_anothers_name_is_dropped() -> None:
     sources, heard = from_others(GOOD)
     one = drone()
-    one.answer(Tick(NOW, sensed(), bytes(source + 1 for source in sources), heard))
+    one.answer(Tick(NOW, NOW - 1, sensed(), bytes(source + 1 for source in sources), heard))
     assert one.drone.rejected["sender"] == len(heard)
 
 
@@ -304,6 +304,23 @@ def test_ticks_before_the_welcome_are_not_answered() -> None:
     world = Script(ticked(0, []), WELCOME, ticked(1, []), Bye())
     fly(world, ME, lambda: False)
     assert world.answered == [1]
+
+
+def test_a_drone_that_is_asked_again_answers_the_same_and_does_not_act_twice() -> None:
+    world = Script(
+        WELCOME, ticked(0, []), ticked(1, GOOD), ticked(1, GOOD), ticked(0, []), ticked(2, []), Bye()
+    )
+    fly(world, ME, lambda: False)
+    said = [message for message in world.heard if isinstance(message, Reply)]
+    assert [reply.tick for reply in said] == [0, 1, 1, 2]
+    assert said[1] == said[2]
+
+
+def test_a_drone_that_hears_nothing_says_now_and_then_that_it_is_there() -> None:
+    """So the world asks again what was lost, and a world that was started anew says that it does not know it."""
+    world = Script(WELCOME, ticked(0, []))
+    assert fly(world, ME, lambda: False, silence_s=4.0) == Ending.WORLD_SILENT
+    assert world.kinds == [Hello, Ready, Reply, Ready, Ready, Ready]
 
 
 def test_a_second_welcome_does_not_make_a_drone_forget() -> None:

@@ -36,7 +36,7 @@ FROM_DRONE = [
 ]
 FROM_WORLD = [
     Welcome(7, {"agents": 6}, bytes(6), 1),
-    Tick(3, (b"a", b"b", b""), b"\x01", [b"frame"]),
+    Tick(3, 2, (b"a", b"b", b""), b"\x01", [b"frame"]),
     Wait(),
     Bye(),
     Refused(7, "no"),
@@ -121,7 +121,9 @@ def test_a_message_of_any_length_is_cut_and_joined_again(length: int, begins: by
 
 
 def test_what_a_drone_senses_and_hears_of_a_hundred_drones_travels_in_pieces() -> None:
-    crowd = Tick(0, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96)
+    crowd = Tick(
+        0, -1, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96
+    )
     cut = list(pieces.cut(messages.pack(crowd)))
     assert len(cut) == 3
     assert all(len(piece) < 65_535 for piece in cut)

@@ -10,7 +10,7 @@ import pytest
 
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire import messages
-from protocols.wire.messages import Hello, Ready, Reply, Welcome
+from protocols.wire.messages import Hello, Ready, Refused, Reply, Tick, Wait, Welcome
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from rsc_swarm.flight.simulate import simulate
 from tests.loopback import Hosted, Loopback, fly
@@ -443,3 +443,58 @@ def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on
     assert minds[0] is not minds[-1]
     assert [peer.boot for peer in world.peers] == [0, 0, 0, 1, 0, 0]
     assert swarm.drones[3].drone.tick == 59
+
+
+def test_what_is_lost_between_the_world_and_a_drone_is_asked_and_answered_again() -> None:
+    """A link that breaks and is made anew loses what was under way: here a Tick, there the answer to one."""
+    task, lost = mission(), []
+
+    def lose(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if (agent, tick) == (4, 30) and "answer" not in lost:
+            lost.append("answer")
+            return []
+        return [reply]
+
+    swarm = Loopback(task, lose)
+    send = swarm.send
+
+    def drop(agent: int, payload: bytes) -> None:
+        message = messages.unpack_from_world(payload)
+        if isinstance(message, Tick) and (agent, message.tick) == (2, 20) and "question" not in lost:
+            lost.append("question")
+        elif isinstance(message, Wait):
+            swarm.say(agent, messages.pack(Ready(swarm.process[agent])))
+        else:
+            send(agent, payload)
+
+    swarm.send = drop  # type: ignore[method-assign]
+    assert WorldServer(task, swarm, "lockstep", swarm).run().outcome == simulate([task])[0]
+    assert lost == ["question", "answer"]
+
+
+def test_who_only_says_that_it_is_there_is_asked_again_now_and_then() -> None:
+    """Else the pipe of a drone that does not read would fill, and the world would wait for it."""
+    one = peer.Peer()
+    one.process = 7
+    one.ask(3, bytes(10_000), 100.0)
+    again = [at for at in range(1000) if one.ask_again(100.0 + 0.1 * at)]
+    assert again[0] == 9
+    assert len(again) == 11
+    one.answered = 3
+    assert not one.ask_again(1000.0)
+
+
+def test_a_process_that_this_world_never_welcomed_is_told_so() -> None:
+    """The world has been started anew: a drone of the flight before is not left to wait."""
+    swarm, told = Loopback(mission()), []
+    send = swarm.send
+
+    def listen(agent: int, payload: bytes) -> None:
+        told.append((agent, messages.unpack_from_world(payload)))
+        send(agent, payload)
+
+    swarm.send = listen  # type: ignore[method-assign]
+    swarm.say(4, messages.pack(Ready(77)))
+    swarm._said.rotate(1)
+    assert WorldServer(mission(), swarm, "lockstep", swarm).run().outcome == simulate([mission()])[0]
+    assert told[0] == (4, Refused(77, "the world does not know this process: it has been started anew"))

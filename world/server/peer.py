@@ -5,6 +5,8 @@ heard again, the other is refused; where the first stays silent for `TAKEOVER_S`
 drone that came back, knowing nothing. A process that is known to be only stopped is never taken for dead.
 """
 
+import math
+
 from protocols.wire import messages
 
 TAKEOVER_S = 3.0
@@ -12,6 +14,7 @@ TAKEOVER_S = 3.0
 BACKLOG = 20
 _BACKLOG_BYTES = 100_000
 _WAITS = 5  # and so many Waits
+_AGAIN_S = 0.9  # between two times that it is sent the same Tick
 
 
 class Peer:
@@ -31,14 +34,16 @@ class Peer:
         self.question = b""
         self._rival: int | None = None
         self._rival_since = 0.0
-        self._unheard_bytes = self._waits = 0
+        self._unheard_bytes = self._waits = self._again_bytes = 0
         self._told_at = 0.0
+        self._asked_at = -math.inf
 
     def restart(self) -> None:
         """Its process has ended, and a new one will come, or has come."""
         self.boot += 1
         self.process, self.ready, self._rival = None, False, None
-        self._unheard_bytes = self._waits = 0
+        self._unheard_bytes = self._waits = self._again_bytes = 0
+        self._asked_at = -math.inf
 
     def knock(self, process: int, now_s: float, paused: bool) -> bool:
         """A process says Hello; whether it is the drone. ``paused``: the drone's process is known to be stopped."""
@@ -59,8 +64,21 @@ class Peer:
 
     def ask(self, tick: int, question: bytes, now_s: float) -> None:
         """It is sent the packed Tick ``question``."""
-        self.asked, self.question, self._told_at = tick, question, now_s
+        self.asked, self.question = tick, question
+        self._asked_at = self._told_at = now_s
+        self._again_bytes = 0
         self._unheard_bytes += len(question)
+
+    def ask_again(self, now_s: float) -> bool:
+        """Whether to send it the last Tick once more: it is there and owes an answer, so the one or the other was lost. Now and
+        then, and not if that might fill the pipe of one that only says that it is there.
+        """
+        owes = self.asked > self.answered and now_s - self._asked_at >= _AGAIN_S
+        if not owes or self._again_bytes > _BACKLOG_BYTES:
+            return False
+        self._again_bytes += len(self.question)
+        self._asked_at = self._told_at = now_s
+        return True
 
     @property
     def backlogged(self) -> bool:

@@ -50,6 +50,7 @@ PATIENCE_S = 90.0  # for one answer in lockstep: longer than a pause that nobody
 _LATE_S = 5.0  # for one answer in real time
 _FAREWELL_S, _HASTY_FAREWELL_S = 5.0, 0.5
 _SNAPSHOT_S = 0.125
+_UNKNOWN = "the world does not know this process: it has been started anew"
 
 
 class ServerError(BrokenError, RuntimeError):
@@ -208,7 +209,7 @@ class WorldServer:
                 continue
             first, end = bounds[agent], bounds[agent + 1]
             message = messages.pack(
-                Tick(tick, self._sensors.pack(agent), sources[first:end], payloads[first:end])
+                Tick(tick, peer.answered, self._sensors.pack(agent), sources[first:end], payloads[first:end])
             )
             peer.ask(tick, message, now)
             self._told += 1
@@ -290,6 +291,8 @@ class WorldServer:
         if message.process != peer.process:
             if peer.process is not None:
                 self._refuse(agent, message.process)
+            else:
+                self._send(agent, Refused(message.process, _UNKNOWN))
             return None
         rival = peer.heard()
         if rival is not None:
@@ -326,15 +329,14 @@ class WorldServer:
             print(f"world: a second process with the login of agent {agent} was refused", file=sys.stderr)
 
     def _take_ready(self, agent: int, peer: Peer) -> None:
-        """From now on this drone is sent every tick; in lockstep also the one it missed while it was away."""
-        if peer.ready:
-            return
+        """This drone is there, and has read what it was sent: a Tick that it has not answered was lost, or its answer was. In
+        lockstep it is asked again; in real time the next one will do.
+        """
         peer.ready = True
-        if peer.asked > peer.answered:
-            if self._clock == "lockstep":
-                self._link.send(agent, peer.question)
-            else:
-                peer.asked = peer.answered
+        if self._clock == "realtime":
+            peer.asked = peer.answered
+        elif peer.ask_again(self._time.now()):
+            self._link.send(agent, peer.question)
 
     def _take_reply(self, agent: int, peer: Peer, reply: Reply) -> None:
         if not peer.answered < reply.tick <= peer.asked:
