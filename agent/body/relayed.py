@@ -167,6 +167,8 @@ class WorldClock:
                 message = messages.unpack_from_world(data)
             except MessageError:
                 continue
+            if isinstance(message, Tick):
+                return message
             if isinstance(message, Bye):
                 self.ending = Ending.OVER
                 return None

@@ -4,24 +4,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.radio.air import Air
-from protocols.kernels import borrowed, kernel
+from protocols.kernels import borrowed, by_reference, kernel
 from protocols.wire import messages
 from protocols.wire.frames import REASONS, FrameError, Frames, fault
 
 _OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
 
 
+@by_reference
+class _Ears:
+    """What `_sift` works on: frames heard, the rows of those that are believed (MAX_HEARD,), how many are not, per `REASONS`."""
+
+    frames: Frames
+    believed: NDArray[np.int64]
+    rejected: NDArray[np.int64]
+
+
 @kernel
-def _sift(
-    tick: int,
-    heard: int,
-    agents: int,
-    frames: Frames,
-    believed: NDArray[np.int64],
-    rejected: NDArray[np.int64],
-) -> int:
+def _make_ears(frames: Frames, believed: NDArray[np.int64], rejected: NDArray[np.int64]) -> _Ears:
+    return _Ears(borrowed(frames), believed, rejected)
+
+
+@kernel
+def _sift(tick: int, heard: int, agents: int, ears: _Ears) -> int:
     """Put those of the first ``heard`` rows that may be believed into ``believed``, count the others; how many are believed."""
-    frames = borrowed(frames)
+    frames, believed, rejected = borrowed(ears.frames), ears.believed, ears.rejected
     good = 0
     for row in range(heard):
         reason = fault(frames, row, tick, _OLDEST_FRAME, agents)
@@ -40,6 +47,7 @@ class Hearing:
         self._air, self._me, self._agents = air, me, agents
         self._believed = np.zeros(messages.MAX_HEARD, np.int64)
         self._rejected = np.zeros(len(REASONS), np.int64)
+        self._ears = _make_ears(air.frames, self._believed, self._rejected)
 
     @property
     def rejected(self) -> dict[str, int]:
@@ -61,5 +69,5 @@ class Hearing:
                 self._rejected[REASONS.index(error.reason)] += 1
                 continue
             row += 1
-        good = _sift(tick, row, self._agents, self._air.frames, self._believed, self._rejected)
+        good = _sift(tick, row, self._agents, self._ears)
         return self._believed[:good]

@@ -7,6 +7,7 @@
 """
 
 import json
+import os
 import queue
 import socket
 import threading
@@ -21,6 +22,11 @@ from protocols.wire import keys, pieces
 from protocols.wire.keys import LinkError, Login
 
 _LOOK_AGAIN_S = 0.002
+# One thread for all that Zenoh does: with a pool for each kind of work, cores are busy with switching between a swarm's threads.
+_ONE_RUNTIME = (
+    "(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),"
+    "app:(worker_threads:1,max_blocking_threads:2))"
+)
 _ASK_AGAIN_S = 0.1  # whether to leave, while waiting for the world
 
 
@@ -69,6 +75,7 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
         "transport/auth/usrpwd/user": keys.user(login.agent),
         "transport/auth/usrpwd/password": login.password,
     }
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_RUNTIME)  # read when the first session of a process opens
     try:
         config = zenoh.Config()
         for name, value in settings.items():
