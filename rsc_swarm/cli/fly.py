@@ -108,4 +108,6 @@ def _keeps(save: Callable[[], None]) -> bool:
 def _ends(report: FlightReport) -> ExitCode:
     if report.failure == "interrupted":
         return ExitCode.INTERRUPTED
+    if report.failure == "broken":
+        return ExitCode.BROKEN
     return ExitCode.SUCCEEDED if report.success else ExitCode.FAILED

@@ -96,6 +96,7 @@ class _Launch:
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
         self._pipe, theirs = Pipe()
         self._expected: set[str] = set()  # ends that this launcher brought about
+        self._policy_went_wrong = ""  # what the first drone said whose policy did
         self._start(_WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, trajectory)
         theirs.close()
         for agent in range(mission.agents):
@@ -128,7 +129,7 @@ class _Launch:
 
         Raises:
             RunBroken: the world said so, or ended without a word. KeyboardInterrupt: asked to leave before anything was flown.
-            agent.policy.PolicyError: a drone's policy raised.
+            agent.policy.PolicyError: a drone's policy raised, and no drone is left or the flight has not begun.
         """
         pss: float | None = None
         flown: Flown | None = None
@@ -146,10 +147,13 @@ class _Launch:
                 self._apply(*said)
             elif what == "flown":
                 flown = said[0]
+                if not set(range(self._mission.agents)).difference(flown.outcome.lost_agents):
+                    self._blame_policy()
             elif what == "saved":
                 assert flown is not None
                 return flown, pss, said[0]
             elif what == "broken" and not leave.asked:
+                self._blame_policy()
                 raise RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
             elif what in ("broken", "silent"):
                 if flown is not None:
@@ -182,11 +186,22 @@ class _Launch:
                 self._expected.discard(end.name)
                 continue
             log = self._log(end.name).read_text(errors="replace").splitlines()
-            if end.code == _POLICY_WENT_WRONG:
-                raise PolicyError(log[-1])
+            if end.code == _POLICY_WENT_WRONG and log:
+                self._policy_went_wrong = self._policy_went_wrong or log[-1]
+                self._tell("ended", int(end.name.removeprefix("agent-")), log[-1])
+                continue
             complaint = next((line for line in log if line.startswith(f"{end.name}: ")), "")
             how = f"its process ({end.pid}) {end.how}{complaint and f' ({complaint})'}"
             self._tell("ended", int(end.name.removeprefix("agent-")), how)
+
+    def _blame_policy(self) -> None:
+        """When nobody flies any more, the first policy that went wrong is to blame.
+
+        Raises:
+            agent.policy.PolicyError: there was one.
+        """
+        if self._policy_went_wrong:
+            raise PolicyError(self._policy_went_wrong)
 
     def _apply(self, kind: str, agents: tuple[int, ...]) -> None:
         for agent in agents:
