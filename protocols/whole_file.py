@@ -8,14 +8,18 @@ from typing import BinaryIO
 
 from protocols.errors import BrokenError
 
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+
 
 class WriteError(BrokenError):
     """A file cannot be written, because the disk is full, say; what was under its name before is untouched."""
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
+def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
     """A file to write; at the end of the ``with`` block it is on the disk and takes the name ``path``.
+
+    private: only its owner may read it.
 
     If the block raises, ``path`` stays as it was. What is no file, such as ``/dev/null``, is written to as it is; a link goes
     on leading where it leads.
@@ -31,7 +35,8 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         target = path.resolve()
         partial = target.with_name(f".{target.name}.{os.getpid()}")
         try:
-            with partial.open("wb") as file:
+            partial.unlink(missing_ok=True)
+            with open(os.open(partial, _NEW, 0o600 if private else 0o666), "wb") as file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
@@ -42,11 +47,11 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         raise WriteError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def write_whole(path: Path, content: str | bytes, private: bool = False) -> None:
     """Write ``content`` (text as UTF-8) as a `whole_file`.
 
     Raises:
         WriteError: one line names the file and says why.
     """
-    with whole_file(path) as file:
+    with whole_file(path, private) as file:
         file.write(content.encode() if isinstance(content, str) else content)

@@ -8,6 +8,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command, in the order o
     agent,
     bench,
     evaluate,
+    keys,
     launch,
     mission,
     plot,

@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -24,7 +24,8 @@ from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode
 from protocols.mission.document import Mission, parse_mission
-from protocols.wire.keys import LinkError, Login
+from protocols.wire.keys import LinkError
+from protocols.wire.login import Login
 from rsc_swarm.flight.processes import Exit, Leave, Supervisor, leave_on_sigterm, leave_when_asked
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.flight.socket_folder import RunFolder
@@ -32,7 +33,8 @@ from rsc_swarm.flight.world_process import be_world, save_path
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
-from world.server.link import Credentials, WorldLink
+from world.server.credentials import Credentials
+from world.server.link import WorldLink
 from world.server.ports import NoControl
 from world.server.session import Clock, ServerError, WorldServer
 
@@ -281,13 +283,13 @@ def launch(
 def serve_world(
     mission: Mission,
     clock: Clock,
-    listen: list[str],
-    login_folder: Path,
+    listen: Sequence[str],
+    credentials: Credentials,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     trajectory: Path | None = None,
     join_s: float = 120.0,
 ) -> tuple[Flown, str | None]:
-    """Be the world alone: write one login file per drone into ``login_folder``, wait for all drones, fly.
+    """Be the world alone: wait for all drones, fly.
 
     Returns:
         The flight, and why ``trajectory`` could not be written.
@@ -296,10 +298,6 @@ def serve_world(
         RunBroken: it cannot listen there, drones did not come, or one was lost without the mission's doing.
     """
     warm_up(mission)
-    credentials = Credentials.fresh(mission.swarm, mission.agents)
-    login_folder.mkdir(parents=True, exist_ok=True)
-    for agent in range(mission.agents):
-        credentials.save_login(agent, login_folder / f"{_name(agent)}.json")
     recorder = Recorder(mission) if trajectory else None
     with leave_when_asked() as leave:
         try:
@@ -313,32 +311,19 @@ def serve_world(
         return flown, save_path(recorder, trajectory)
 
 
-def _login(file: Path) -> Login:
-    try:
-        return Login.from_json(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunBroken(f"{file}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # UnicodeDecodeError is one
-        text = "is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
-        raise RunBroken(f"{file}: {text}") from None
-
-
-def fly_agent(
-    agent: int, endpoint: str, login_file: Path, on_ready: Callable[[float], None] = lambda seconds: None
-) -> str:
+def fly_agent(login: Login, endpoint: str, on_ready: Callable[[float], None] = lambda seconds: None) -> str:
     """Be one drone alone, as on its companion computer; return why the flight ended.
 
     Raises:
-        RunBroken: no world there, the login is refused or unreadable, or the world fell silent.
+        RunBroken: no world there, the login is refused, or the world fell silent.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
     leave = leave_on_sigterm()
     try:
-        login = _login(login_file)
         rehearse(parse_mission({"agents": 4}))
         with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             on_ready(time.time() - psutil.Process().create_time())
-            reason = fly(link, agent, lambda: leave.asked)
+            reason = fly(link, login.agent, lambda: leave.asked)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:
@@ -346,5 +331,5 @@ def fly_agent(
             return str(error)
         raise RunBroken(str(error)) from None
     if reason is Ending.WORLD_SILENT:
-        raise RunBroken(f"agent {agent}: {reason}")
+        raise RunBroken(f"agent {login.agent}: {reason}")
     return reason

@@ -17,7 +17,8 @@ from protocols.whole_file import WriteError
 from rsc_swarm.flight.processes import leave_on_sigterm
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
-from world.server.link import Credentials, WorldLink
+from world.server.credentials import Credentials
+from world.server.link import WorldLink
 from world.server.ports import Lost
 from world.server.session import Clock, WorldServer
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.mission.document import Mission, Obstacles
-from protocols.wire.keys import Login
-from rsc_swarm.flight.launch import RunBroken, fly_agent
+from protocols.wire.login import Login
+from rsc_swarm.flight.key_files import KeyFileError, read_login
 from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import summarise
@@ -115,8 +115,8 @@ def test_a_login_is_one_or_it_is_refused(content: bytes) -> None:
 def test_a_login_file_that_is_none_is_named(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "agent-3.json"
     path.write_bytes(content)
-    with pytest.raises(RunBroken) as told:
-        fly_agent(3, "tcp/localhost:1", path)
+    with pytest.raises(KeyFileError) as told:
+        read_login(path, 3, "tcp/localhost:1", plain_text=False)
     assert str(told.value).startswith(f"{path}: ")
     assert "\n" not in str(told.value)
 
