@@ -26,7 +26,7 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from protocols.wire.keys import checked_swarm, user
-from protocols.wire.login import Certificates
+from protocols.wire.login import Certificates, Login
 
 WORLD = "world"
 _LATE_CLOCKS = timedelta(days=1)
@@ -77,6 +77,14 @@ def make_certificates(swarm: str, agents: int, world: Sequence[str], days: int, 
         return Certificates(_pem(authority), _pem(certificate.sign(key, hashes.SHA256())), _key_pem(own))
 
     return Made(signed(WORLD, world), tuple(signed(user(agent), ()) for agent in range(agents)))
+
+
+def read_login(text: str) -> Login:
+    """Raises ValueError, in one line, if ``text`` is no login, or its certificates are not its agent's."""
+    login = Login.from_json(text)
+    if login.certificates:
+        checked_certificates(login.certificates, user(login.agent))
+    return login
 
 
 def checked_certificates(certificates: Certificates, name: str) -> None:

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from protocols.errors import BrokenError, SwarmError
 from protocols.whole_file import write_whole
+from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
 from protocols.wire.keys import user
 from protocols.wire.login import Login
@@ -83,7 +84,7 @@ def read_login(file: Path, agent: int, endpoint: str, plain_text: bool) -> Login
     """
     if not plain_text:
         refuse_plain_text(endpoint)
-    login = _read(file, Login.from_json)
+    login = _read(file, certificates.read_login)
     if login.agent != agent:
         raise KeyFileError(
             f"{file}: is that of agent {login.agent}; give agent {agent} its own, {user(agent)}.json"

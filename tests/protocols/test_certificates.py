@@ -12,6 +12,7 @@ from protocols.wire.certificates import (
     WORLD,
     checked_certificates,
     make_certificates,
+    read_login,
     refuse_other_address,
     refuse_out_of_date,
 )
@@ -51,7 +52,7 @@ def test_what_was_made_is_good_for_whom_it_was_made() -> None:
 )
 def test_what_is_not_ones_own_is_refused_and_named(certificates: Certificates, trouble: str) -> None:
     with pytest.raises(ValueError, match=trouble) as told:
-        Login.from_json(replace(LOGIN, certificates=certificates).to_json())
+        read_login(replace(LOGIN, certificates=certificates).to_json())
     assert "\n" not in str(told.value)
 
 
