@@ -37,6 +37,8 @@ from numba.core.serialize import dumps
 from numba.experimental import structref
 from numba.extending import intrinsic
 
+from protocols.whole_file import WriteError, write_whole
+
 _ROOT = Path(__file__).resolve().parents[1]
 _PACKAGES = "protocols|agent|world|rsc_swarm"
 _IMPORT = re.compile(
@@ -98,10 +100,10 @@ def fingerprint(file: Path) -> str:
 
 
 def _bases() -> Iterator[Path]:
-    if "XDG_CACHE_HOME" in os.environ:
-        yield Path(os.environ["XDG_CACHE_HOME"]) / "rsc-swarm"
+    places = [Path(os.environ.get("XDG_CACHE_HOME", ""))]
     with suppress(RuntimeError):  # no home
-        yield Path.home() / ".cache" / "rsc-swarm"
+        places.append(Path.home() / ".cache")
+    yield from (place / "rsc-swarm" for place in places if place.is_absolute())
     with suppress(OSError):  # no room for temporary files
         yield Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
 
@@ -179,12 +181,7 @@ class _Files:
 
     def save(self, key: object, compiled: object) -> None:
         data, path = dumps(compiled), self._path(key)
-        part = path.with_suffix(f".{os.getpid()}")
-        try:
-            part.write_bytes(_digest(data) + data)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        write_whole(path, _digest(data) + data)
 
     def _path(self, key: object) -> Path:
         return self.folder / f"{self._name}.{_digest(repr(key).encode()).hex()}.nbc"
@@ -208,7 +205,7 @@ class _Kept(caching.Cache):
         folder = self.find_folder()
         if folder is None:
             return
-        with suppress(OSError):  # no room, say: then it is compiled again next time
+        with suppress(OSError, WriteError):  # no room, say: then it is compiled again next time
             if not folder.exists():
                 folder.mkdir(exist_ok=True, mode=0o700)
                 _sweep(folder)

@@ -1,4 +1,8 @@
-"""Files that are complete or not there, whatever happens while they are written."""
+"""Files that are complete or not there, whatever happens while they are written.
+
+A file has no name before it is complete, so even who is killed outright leaves nothing half written behind; only a file system
+that knows no nameless files gets one whose name begins with a dot.
+"""
 
 import os
 from collections.abc import Iterator
@@ -8,18 +12,14 @@ from typing import BinaryIO
 
 from protocols.errors import BrokenError
 
-_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
-
 
 class WriteError(BrokenError):
     """A file cannot be written, because the disk is full, say; what was under its name before is untouched."""
 
 
 @contextmanager
-def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
+def whole_file(path: Path) -> Iterator[BinaryIO]:
     """A file to write; at the end of the ``with`` block it is on the disk and takes the name ``path``.
-
-    private: only its owner may read it.
 
     If the block raises, ``path`` stays as it was. What is no file, such as ``/dev/null``, is written to as it is; a link goes
     on leading where it leads.
@@ -35,11 +35,13 @@ def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
         target = path.resolve()
         partial = target.with_name(f".{target.name}.{os.getpid()}")
         try:
-            partial.unlink(missing_ok=True)
-            with open(os.open(partial, _NEW, 0o600 if private else 0o666), "wb") as file:
+            with _nameless(partial) as file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
+                if file.name != str(partial):
+                    partial.unlink(missing_ok=True)  # of a process of this number, long ago
+                    os.link(f"/proc/self/fd/{file.fileno()}", partial, src_dir_fd=file.fileno())
             partial.replace(target)
         finally:
             partial.unlink(missing_ok=True)
@@ -47,11 +49,19 @@ def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
         raise WriteError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
-def write_whole(path: Path, content: str | bytes, private: bool = False) -> None:
+def _nameless(otherwise: Path) -> BinaryIO:
+    """A file without a name in the folder of ``otherwise``, or one with that name where there are no others."""
+    try:
+        return os.fdopen(os.open(otherwise.parent, os.O_TMPFILE | os.O_WRONLY, 0o666), "wb")
+    except OSError:  # EOPNOTSUPP, EISDIR, EINVAL, ...: what really stands in the way, opening by name says
+        return otherwise.open("wb")
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
     """Write ``content`` (text as UTF-8) as a `whole_file`.
 
     Raises:
         WriteError: one line names the file and says why.
     """
-    with whole_file(path, private) as file:
+    with whole_file(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)

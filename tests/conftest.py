@@ -4,7 +4,9 @@ A test run that was started in the background ignores Ctrl-C, and so would every
 """
 
 import signal
+from collections.abc import Iterator
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("swarm", deadline=None)
@@ -12,3 +14,13 @@ settings.load_profile("swarm")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def as_before() -> Iterator[None]:
+    """The command answers signals for the rest of its process; in a test that is this one."""
+    asking = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [(number, signal.getsignal(number)) for number in asking]
+    yield
+    for number, answer in before:
+        signal.signal(number, answer)

@@ -16,7 +16,7 @@ from typer.main import get_command
 import rsc_swarm as rs
 from protocols.mission.document import Mission, parse_mission
 from protocols.mission.fault import Fault
-from rsc_swarm.cli.main import app
+from rsc_swarm.cli.commands import app
 from rsc_swarm.missions import shipped_missions
 from rsc_swarm.study.tables.markdown import page
 from rsc_swarm.study.tables.result import read_tables

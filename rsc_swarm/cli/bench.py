@@ -6,9 +6,11 @@ import typer
 
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import JsonFile, announce_compiling, app, examples
+from rsc_swarm.machine.leaving import unwind_when_asked
 
 
 @app.command(epilog=examples("bench", "bench --agents 100 --quick"))
+@unwind_when_asked()  # it starts other commands
 def bench(
     agents: Annotated[int, typer.Option("--agents", "-n", help="Number of drones.")] = 25,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter runs, rougher figures.")] = False,

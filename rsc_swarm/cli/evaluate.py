@@ -11,6 +11,7 @@ import typer
 
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
+from rsc_swarm.machine.leaving import unwind_when_asked
 from rsc_swarm.options import MissionOptions, command_line, resolve
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
     meter = Meter()
     progress = Flights(TICKS_GUESS * mission.ticks, meter)
     try:
-        with closing(meter):
+        with unwind_when_asked(), closing(meter):
             meter.begin(f"{len(seeds)} flights")
             flights = evaluate(mission, seeds, workers, journal, progress)
     except KeyboardInterrupt:

@@ -2,19 +2,21 @@
 
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
 from agent.policy import files_of, find_policy
-from protocols.errors import ExitCode
+from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
 from rsc_swarm.cli.app import Clock, FlightOptions
 from rsc_swarm.cli.output import JsonOutput
-from rsc_swarm.flight.processes import leave_when_asked
 from rsc_swarm.flight.provenance import provenance
 from rsc_swarm.flight.report import FlightReport, agents_text, report_of
 from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.flight.simulate import warm_up
+from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.options import MissionOptions, command_line, resolve
 from rsc_swarm.show.render import plain, render, show
 from rsc_swarm.show.view import View, line
@@ -22,22 +24,24 @@ from world.outcome import Flown
 
 
 class Flight(NamedTuple):
-    """What is to be flown, and who is told meanwhile."""
+    """What is to be flown, and who is told meanwhile. keep: keeps what was flown, for who outlives the command."""
 
     mission: Mission
     clock: Clock
     view: View
     folder: RunDir | None
+    keep: Callable[[Flown], object]
 
 
 class Told(NamedTuple):
     """What a flight tells: its figures, and those only a launcher knows. save: puts the paths into the run directory, or
-    raises the WriteError of whoever tried."""
+    raises the WriteError of whoever tried. error: what broke the run in mid-flight."""
 
     flown: Flown
     first_tick_s: float | None = None
     pss_mb: float | None = None
     save: Callable[[], None] = lambda: None
+    error: SwarmError | None = None
 
 
 def told_unsaved(why: str | None) -> None:
@@ -76,38 +80,49 @@ def fly_once(
     again = command_line(mode, options, **(also or {}), **realtime)
     who = f"{agents_text(mission.agents)}, policy {mission.policy}"
     view = View(f"{mode} {mission.name}: {who}, map {mission.map_seed}, seed {mission.seed}")
-    try:
-        with view:
-            told = fly(Flight(mission, asked.clock, view, folder))
-    except KeyboardInterrupt:
-        reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
-        print(reached, file=sys.stderr)
-        return ExitCode.INTERRUPTED
-    # Who pressed Ctrl-C once may press it again: what was flown is told and kept all the same.
-    with leave_when_asked():
-        report = report_of(
-            told.flown, mission, mode, asked.clock.value, again, told.first_tick_s, told.pss_mb, flown_with
-        )
-        show(render(report), output.beside)
-        whole = _keeps(partial(output.write, report.model_dump_json(indent=2)))
+
+    def report(told: Told) -> FlightReport:
+        figures = (told.first_tick_s, told.pss_mb, flown_with)
+        return report_of(told.flown, mission, mode, asked.clock.value, again, *figures)
+
+    def keep(told: Told, *first: Callable[[], None]) -> list[SwarmError]:
+        """Keep it, but do ``first`` first; what went wrong."""
+        kept = report(told)
+        saves: list[Callable[[], None]] = [*first, partial(output.write, kept.model_dump_json(indent=2))]
         if folder:
-            whole &= _keeps(told.save) & _keeps(partial(folder.finish, report, plain(render(report))))
-    return _ends(report) if whole else ExitCode.BROKEN
+            saves += [told.save, partial(folder.finish, kept, plain(render(kept)))]
+        return [error for save in saves if (error := _try(save))]
+
+    with ExitStack() as asking:
+        try:
+            with view:
+                warm_up(mission)  # who leaves before this is done has nothing to lose
+                # From now on what was flown is told and kept, however often somebody presses Ctrl-C.
+                asking.enter_context(leave_when_asked())
+                told = fly(Flight(mission, asked.clock, view, folder, lambda flown: keep(Told(flown))))
+        except KeyboardInterrupt:
+            reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
+            print(reached, file=sys.stderr)
+            return ExitCode.INTERRUPTED
+        flown = report(told)
+        errors = [told.error] if told.error else []
+        errors += keep(told, partial(show, render(flown), output.beside))
+    if errors:
+        print(f"rsc-swarm: {'; '.join(map(str, errors))}", file=sys.stderr)
+        return errors[0].exit_code
+    return _ends(flown)
 
 
-def _keeps(save: Callable[[], None]) -> bool:
-    """Save; False if that failed, which is told but takes nothing else along."""
+def _try(save: Callable[[], None]) -> WriteError | None:
+    """Save; what went wrong, which takes nothing else along."""
     try:
         save()
     except WriteError as error:
-        print(f"rsc-swarm: {error}", file=sys.stderr)
-        return False
-    return True
+        return error
+    return None
 
 
 def _ends(report: FlightReport) -> ExitCode:
     if report.failure == "interrupted":
         return ExitCode.INTERRUPTED
-    if report.failure == "broken":
-        return ExitCode.BROKEN
     return ExitCode.SUCCEEDED if report.success else ExitCode.FAILED

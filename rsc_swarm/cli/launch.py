@@ -32,7 +32,8 @@ def _fly(flight: "Flight") -> "Told":
 
     place = flight.folder.path if flight.folder else None
     flight.view.doing(f"starting {flight.mission.agents + 1} processes")
-    launched = launch(flight.mission, flight.clock.value, place, flight.view.update, weigh=True)
-    return Told(
-        launched.flown, launched.first_tick_s, launched.pss_mb, partial(told_unsaved, launched.unsaved)
+    launched = launch(
+        flight.mission, flight.clock.value, place, flight.view.update, weigh=True, keep=flight.keep
     )
+    unsaved = partial(told_unsaved, launched.unsaved)
+    return Told(launched.flown, launched.first_tick_s, launched.pss_mb, unsaved, launched.error)

@@ -1,38 +1,39 @@
-"""The ``rsc-swarm`` command line. Every command has a file of its own and imports what it needs when it runs."""
+"""The ``rsc-swarm`` command line. Each command (rsc_swarm.cli.commands) imports what it needs when it runs."""
 
 import os
 import sys
 
 from protocols.errors import ExitCode, SwarmError
-from rsc_swarm.cli import (  # noqa: F401  each adds its command, in the order of the help
-    agent,
-    bench,
-    evaluate,
-    keys,
-    launch,
-    mission,
-    plot,
-    schema,
-    simulate,
-    tables,
-    train,
-    world,
-)  # isort: skip
-from rsc_swarm.cli.app import app
+from rsc_swarm.machine.leaving import leave_at_once, leave_with
 
 
 def main() -> None:
     """The ``rsc-swarm`` command: whatever goes wrong is one line on stderr and an exit code."""
+    leave_at_once()  # before anything is imported that takes time
+    from rsc_swarm.machine.streams import stand_by_streams
+
+    stand_by_streams()
+    code = _carry_out(sys.argv[1:] or ["--help"])
+    leave_with(code)
+    sys.exit(code)
+
+
+def _carry_out(words: list[str]) -> int:
+    """Do what the command line says; how it ended."""
     try:
-        code = app(sys.argv[1:] or ["--help"], prog_name="rsc-swarm", standalone_mode=False)
+        from rsc_swarm.cli.commands import app
+
+        code = app(words, prog_name="rsc-swarm", standalone_mode=False)
+        sys.stdout.flush()
     except KeyboardInterrupt:
-        code = ExitCode.INTERRUPTED
+        print("rsc-swarm: stopped", file=sys.stderr)
+        return ExitCode.INTERRUPTED
     except Exception as error:
         if os.environ.get("RSC_SWARM_TRACEBACK"):
             raise
         code, text = _explain(error)
         print(f"rsc-swarm: {text}", file=sys.stderr)
-    sys.exit(code if isinstance(code, int) else ExitCode.SUCCEEDED)
+    return code if isinstance(code, int) else ExitCode.SUCCEEDED
 
 
 def _explain(error: Exception) -> tuple[ExitCode, str]:
@@ -43,6 +44,10 @@ def _explain(error: Exception) -> tuple[ExitCode, str]:
     text = " ".join(str(error).split())
     if isinstance(error, SwarmError):
         return error.exit_code, text
+    from rsc_swarm.machine.limits import lacking
+
+    if lack := lacking(error):
+        return ExitCode.BROKEN, lack
     kind = type(error).__name__
     return ExitCode.BROKEN, f"unexpected {kind}: {text[:160]} (set RSC_SWARM_TRACEBACK=1 to see where)"
 

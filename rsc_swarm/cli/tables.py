@@ -9,6 +9,7 @@ import typer
 
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import app, examples
+from rsc_swarm.machine.leaving import unwind_when_asked
 from rsc_swarm.options import MissionOptions, chosen, flag
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def fly_table(
 
     meter = Meter()
     try:
-        with closing(meter):
+        with unwind_when_asked(), closing(meter):
             meter.begin(f"{sum(job.missing for job in jobs)} flights")
             fly(jobs, seeds, amount.starts, workers, meter, landed)
     except KeyboardInterrupt:

@@ -9,6 +9,7 @@ import typer
 
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import announce_compiling, app, examples
+from rsc_swarm.machine.leaving import unwind_when_asked
 
 if TYPE_CHECKING:
     from rsc_swarm.training.config import TrainingConfig
@@ -76,7 +77,7 @@ def _train(config: "TrainingConfig", out: Path | None, device: str, threads: int
     folder = out or Path("training") / f"{config.name}-{config.seed}"
     progress = _Progress()
     try:
-        with closing(progress):
+        with unwind_when_asked(), closing(progress):
             model = train(config, folder, device, threads, progress)
     except KeyboardInterrupt:
         kept = "the epochs before are kept, and the same command goes on from there"

@@ -10,8 +10,8 @@ import numpy as np
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from rsc_swarm.flight.processes import leave_when_asked
 from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.machine.leaving import leave_when_asked
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot, snapshot

@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -22,19 +22,19 @@ from agent.body.relayed import Ending
 from agent.policy import PolicyError
 from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
-from protocols.errors import BrokenError, ExitCode
+from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission, parse_mission
-from protocols.wire.keys import LinkError
-from protocols.wire.login import Login
-from rsc_swarm.flight.processes import Exit, Leave, Supervisor, leave_on_sigterm, leave_when_asked
-from rsc_swarm.flight.simulate import Simulation
+from protocols.wire.keys import LinkError, Login
+from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
+from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
 from rsc_swarm.flight.world_process import be_world, save_path
+from rsc_swarm.machine.leaving import Leave, leave_when_asked
+from rsc_swarm.machine.limits import make_room
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
-from world.server.credentials import Credentials
-from world.server.link import WorldLink
+from world.server.link import Credentials, WorldLink
 from world.server.ports import NoControl
 from world.server.session import Clock, ServerError, WorldServer
 
@@ -53,12 +53,20 @@ class Launched:
     """A flight with the figures only the launcher knows.
 
     pss_mb: mean proportional memory of a drone's process. unsaved: why ``trajectory.npz`` could not be written.
+    error: what broke the run in mid-flight.
     """
 
     flown: Flown
     first_tick_s: float
     pss_mb: float | None
     unsaved: str | None
+    error: SwarmError | None = None
+
+    def whole(self) -> Flown:
+        """The flight; raises ``error`` instead if there is one."""
+        if self.error:
+            raise self.error
+        return self.flown
 
 
 def _agent(agent: int, endpoint: str, login: Login) -> None:
@@ -71,7 +79,7 @@ def _agent(agent: int, endpoint: str, login: Login) -> None:
     gc.set_threshold(100_000)  # a tick leaves no cycles behind
     leave = leave_on_sigterm()
     try:
-        with AgentLink(endpoint, login) as link:
+        with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             print(f"agent {agent}: {fly(link, agent, lambda: leave.asked, math.inf)}", flush=True)
     except PolicyError as error:
         print(error, flush=True)
@@ -82,6 +90,13 @@ def _name(agent: int) -> str:
     return f"agent-{agent}"
 
 
+def _lines(log: Path) -> list[str]:
+    """What a process wrote; nothing where it could not write."""
+    with suppress(OSError):
+        return log.read_text(errors="replace").splitlines()
+    return []
+
+
 class _Launch:
     """One launch under way."""
 
@@ -90,7 +105,7 @@ class _Launch:
         mission: Mission,
         clock: Clock,
         logs: Path | None,
-        trajectory: Path | None,
+        keeping: tuple[Path | None, Callable[[Flown], object]],
         supervisor: Supervisor,
         folder: RunFolder,
     ) -> None:
@@ -98,8 +113,10 @@ class _Launch:
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
         self._pipe, theirs = Pipe()
         self._expected: set[str] = set()  # ends that this launcher brought about
-        self._policy_went_wrong = ""  # what the first drone said whose policy did
-        self._start(_WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, trajectory)
+        self.pss_mb: float | None = None
+        self._so_far: Flown | None = None
+        self._error: SwarmError | None = None
+        self._start(_WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, *keeping)
         theirs.close()
         for agent in range(mission.agents):
             self._start_agent(agent)
@@ -126,52 +143,56 @@ class _Launch:
 
     def watch(
         self, on_snapshot: Callable[[Snapshot], None], weigh: bool, leave: Leave
-    ) -> tuple[Flown, float | None, str | None]:
-        """Serve the world until it has said what came of the flight and saved it; as `Launched`, without the time.
+    ) -> tuple[Flown, str | None, SwarmError | None]:
+        """Serve the world until it has said what came of the flight and saved it.
+
+        Returns:
+            What was flown, why it could not be saved, and what broke the run.
 
         Raises:
-            RunBroken: the world said so, or ended without a word. KeyboardInterrupt: asked to leave before anything was flown.
-            agent.policy.PolicyError: a drone's policy raised, and no drone is left or the flight has not begun.
+            RunBroken, agent.policy.PolicyError, KeyboardInterrupt: before anything was flown.
         """
-        pss: float | None = None
         flown: Flown | None = None
         deadline = math.inf
+        unsaved: str | None = f"the world has not saved the flight within {_SAVING_S:g} s"
         while time.monotonic() < deadline:
-            if leave.asked and deadline == math.inf:
+            if (leave.asked or self._error) and deadline == math.inf:
                 deadline = time.monotonic() + _SAVING_S
                 self._supervisor.ask(_WORLD)
             what, *said = self._hear()
             if what == "show":
                 on_snapshot(said[0])
-                if weigh and pss is None and said[0].tick > 100:
-                    pss = self._weigh()
+                if weigh and self.pss_mb is None and said[0].tick > 100:
+                    self.pss_mb = self._weigh()
+            elif what == "so far":
+                self._so_far = said[0]
             elif what == "apply":
                 self._apply(*said)
             elif what == "flown":
                 flown = said[0]
-                if not set(range(self._mission.agents)).difference(flown.outcome.lost_agents):
-                    self._blame_policy()
             elif what == "saved":
-                assert flown is not None
-                return flown, pss, said[0]
-            elif what == "broken" and not leave.asked:
-                self._blame_policy()
-                raise RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
-            elif what in ("broken", "silent"):
-                if flown is not None:
-                    return flown, pss, f"{self._why_silent()}, before it had saved the flight"
+                unsaved = said[0]
+                break
+            elif what == "broken":
+                unsaved = None
                 if not leave.asked:
-                    raise RunBroken(self._why_silent())
+                    self._error = self._error or RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
+                break
+            elif what == "silent":
+                why = self._why_silent()
+                unsaved = f"{why}, before it had saved the flight" if flown else None
+                self._error = self._error or (None if flown else RunBroken(why))
                 break
             self._report_ends(self._supervisor.poll())
-        raise KeyboardInterrupt
+        flown = flown or self._so_far
+        if flown is None:
+            raise self._error or KeyboardInterrupt
+        return flown, unsaved, self._error
 
     def _hear(self) -> tuple[Any, ...]:
         """What the world says, or ("nothing",)."""
-        if not self._pipe.poll(0.05):
-            return ("nothing",)
         try:
-            said: tuple[Any, ...] = self._pipe.recv()
+            said: tuple[Any, ...] = self._pipe.recv() if self._pipe.poll(0.05) else ("nothing",)
         except (EOFError, OSError):
             return ("silent",)
         return said
@@ -187,23 +208,12 @@ class _Launch:
             if end.name == _WORLD or end.name in self._expected:
                 self._expected.discard(end.name)
                 continue
-            log = self._log(end.name).read_text(errors="replace").splitlines()
+            log = _lines(self._log(end.name))
             if end.code == _POLICY_WENT_WRONG and log:
-                self._policy_went_wrong = self._policy_went_wrong or log[-1]
-                self._tell("ended", int(end.name.removeprefix("agent-")), log[-1])
-                continue
+                self._error = self._error or PolicyError(log[-1])
             complaint = next((line for line in log if line.startswith(f"{end.name}: ")), "")
             how = f"its process ({end.pid}) {end.how}{complaint and f' ({complaint})'}"
             self._tell("ended", int(end.name.removeprefix("agent-")), how)
-
-    def _blame_policy(self) -> None:
-        """When nobody flies any more, the first policy that went wrong is to blame.
-
-        Raises:
-            agent.policy.PolicyError: there was one.
-        """
-        if self._policy_went_wrong:
-            raise PolicyError(self._policy_went_wrong)
 
     def _apply(self, kind: str, agents: tuple[int, ...]) -> None:
         for agent in agents:
@@ -235,17 +245,10 @@ class _Launch:
     def _first_complaint(self, known: str) -> str:
         """The first line any process wrote about its end, for the one-line error; nothing if that is ``known``."""
         for log in sorted((self._logs or self._folder.path).glob("*.log")):
-            for line in log.read_text(errors="replace").splitlines():
+            for line in _lines(log):
                 if "Error" in line:
                     return "" if line in known else f" ({line})"
         return ""
-
-
-def warm_up(mission: Mission) -> None:
-    """Load (or on the very first run compile) every kernel a flight needs, before forking."""
-    simulation = Simulation([mission.model_copy(update={"faults": ()})], rehearsal=True)
-    simulation.tick()
-    rehearse(mission)
 
 
 def launch(
@@ -254,42 +257,47 @@ def launch(
     run_dir: Path | None = None,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     weigh: bool = False,
+    keep: Callable[[Flown], object] = lambda flown: None,
 ) -> Launched:
     """Fly ``mission`` in one process per drone.
 
     Args:
         run_dir: an existing folder for ``logs/`` and ``trajectory.npz``.
         weigh: measure the drones' memory once in mid-flight.
+        keep: called in the world's process, should this one be killed: its last chance to keep what was flown.
 
     Raises:
-        RunBroken: the run itself broke. world.field.FieldError, agent.policy.PolicyError: the mission cannot be flown.
+        RunBroken: the run itself broke before the first tick; later that is the launch's ``error``.
+        rsc_swarm.machine.limits.MachineError: the machine gives too little.
+        world.field.FieldError, agent.policy.PolicyError: the mission cannot be flown.
         KeyboardInterrupt: asked to leave (Ctrl-C, SIGTERM) before the first tick; later that ends the flight as interrupted, and
             what was flown is told and saved like any other.
     """
+    make_room(mission.agents)
     warm_up(mission)
+    rehearse(mission)
     logs = run_dir / "logs" if run_dir else None
     if logs:
         logs.mkdir(exist_ok=True)
+    keeping = (run_dir / "trajectory.npz" if run_dir else None, keep)
     with leave_when_asked() as leave, RunFolder() as folder, Supervisor() as supervisor:
-        run = _Launch(
-            mission, clock, logs, run_dir / "trajectory.npz" if run_dir else None, supervisor, folder
-        )
-        flown, pss, unsaved = run.watch(on_snapshot, weigh, leave)
+        run = _Launch(mission, clock, logs, keeping, supervisor, folder)
+        flown, unsaved, error = run.watch(on_snapshot, weigh, leave)
         supervisor.stop(_GRACE_S)
     born = psutil.Process(os.getpid()).create_time()
-    return Launched(flown, flown.first_tick_at - born, pss, unsaved)
+    return Launched(flown, flown.first_tick_at - born, run.pss_mb, unsaved if run_dir else None, error)
 
 
 def serve_world(
     mission: Mission,
     clock: Clock,
-    listen: Sequence[str],
-    credentials: Credentials,
+    listen: list[str],
+    login_folder: Path,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     trajectory: Path | None = None,
     join_s: float = 120.0,
 ) -> tuple[Flown, str | None]:
-    """Be the world alone: wait for all drones, fly.
+    """Be the world alone: write one login file per drone into ``login_folder``, wait for all drones, fly.
 
     Returns:
         The flight, and why ``trajectory`` could not be written.
@@ -297,7 +305,12 @@ def serve_world(
     Raises:
         RunBroken: it cannot listen there, drones did not come, or one was lost without the mission's doing.
     """
+    make_room(mission.agents)
     warm_up(mission)
+    credentials = Credentials.fresh(mission.swarm, mission.agents)
+    login_folder.mkdir(parents=True, exist_ok=True)
+    for agent in range(mission.agents):
+        credentials.save_login(agent, login_folder / f"{_name(agent)}.json")
     recorder = Recorder(mission) if trajectory else None
     with leave_when_asked() as leave:
         try:
@@ -311,25 +324,37 @@ def serve_world(
         return flown, save_path(recorder, trajectory)
 
 
-def fly_agent(login: Login, endpoint: str, on_ready: Callable[[float], None] = lambda seconds: None) -> str:
+def _login(file: Path) -> Login:
+    try:
+        return Login.from_json(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunBroken(f"{file}: cannot be read ({error.strerror})") from None
+    except ValueError as error:  # UnicodeDecodeError is one
+        text = "is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
+        raise RunBroken(f"{file}: {text}") from None
+
+
+def fly_agent(
+    agent: int, endpoint: str, login_file: Path, on_ready: Callable[[float], None] = lambda seconds: None
+) -> Ending:
     """Be one drone alone, as on its companion computer; return why the flight ended.
 
     Raises:
-        RunBroken: no world there, the login is refused, or the world fell silent.
+        RunBroken: no world there, the login is refused or unreadable, or the world fell silent.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
-    leave = leave_on_sigterm()
+    login = _login(login_file)
+    rehearse(parse_mission({"agents": 4}))  # who leaves before this is done has nothing to lose
     try:
-        rehearse(parse_mission({"agents": 4}))
-        with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
+        with leave_when_asked() as leave, AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             on_ready(time.time() - psutil.Process().create_time())
-            reason = fly(link, login.agent, lambda: leave.asked)
+            reason = fly(link, agent, lambda: leave.asked)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:
         if leave.asked:
-            return str(error)
+            return Ending.ASKED_TO_LEAVE
         raise RunBroken(str(error)) from None
     if reason is Ending.WORLD_SILENT:
-        raise RunBroken(f"agent {login.agent}: {reason}")
+        raise RunBroken(f"agent {agent}: {reason}")
     return reason

@@ -18,24 +18,28 @@ import re
 import select
 import signal
 import sys
-import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, NoReturn, Self
 
+from protocols.errors import BrokenError
 from rsc_swarm.flight.socket_folder import remove_run_folder
+from rsc_swarm.machine.leaving import Leave, nobody_asks
+from rsc_swarm.machine.streams import mute_stream
 
-_ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PR_SET_PDEATHSIG = 1
-_LEAVE_WITHOUT_LAUNCHER_S = 1.5
+_LEAVE_WITHOUT_LAUNCHER_S = 3.0
 _ZENOH_THREAD = re.compile(r"(app|acc|tx|rx|net)-\d+")
 
 _libc = ctypes.CDLL(None, use_errno=True)
 _launcher_pid = 0  # in a child: its launcher; in the launcher: 0
+
+
+class StartError(BrokenError):
+    """The machine lets no further process start; one line says why."""
 
 
 class Exit(NamedTuple):
@@ -56,13 +60,6 @@ class Exit(NamedTuple):
         return f"{self.name} (process {self.pid}) {self.how}"
 
 
-class Leave:
-    """Whether this process has been asked to leave. Its loop looks at ``asked`` at least every 0.2 s."""
-
-    def __init__(self) -> None:
-        self.asked = False
-
-
 def leave_on_sigterm() -> Leave:
     """From now on SIGTERM asks this process to leave instead of ending it, so that it can close its link.
 
@@ -77,28 +74,6 @@ def leave_on_sigterm() -> Leave:
 
     signal.signal(signal.SIGTERM, ask)
     return leave
-
-
-@contextmanager
-def leave_when_asked() -> Iterator[Leave]:
-    """Within the block Ctrl-C, SIGTERM and a closing terminal only ask to leave, however often: what was flown is saved first.
-
-    Elsewhere than in a process's main thread no signals arrive, and nothing is changed.
-    """
-    leave = Leave()
-    if threading.current_thread() is not threading.main_thread():
-        yield leave
-        return
-
-    def ask(_signal: int, _frame: FrameType | None) -> None:
-        leave.asked = True
-
-    before = {number: signal.signal(number, ask) for number in _ASKING}
-    try:
-        yield leave
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def launcher_died() -> bool:
@@ -150,6 +125,7 @@ class Supervisor:
         Raises:
             ValueError: ``name`` is still running.
             RuntimeError: this process has opened Zenoh; what it forks would hang.
+            StartError: the machine allows no more processes.
         """
         if name in self._children:
             raise ValueError(
@@ -160,15 +136,17 @@ class Supervisor:
         sys.stdout.flush()
         sys.stderr.flush()
         launcher = os.getpid()
-        # No signal may reach the child between the fork and the moment its own handlers are in place.
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-        try:
-            pid = os.fork()
+        with nobody_asks() as blocked:
+            try:
+                pid = os.fork()
+            except OSError as error:
+                raise StartError(
+                    f"{name} cannot be started ({error.strerror}): allow more processes (ulimit -u, or the container's limit) "
+                    "or more memory, or fly fewer drones"
+                ) from None
             if pid == 0:
                 _be_child(launcher, name, target, args, log, at_launcher_death, run_folder, blocked)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        self._children[name] = _Child(name, pid, os.pidfd_open(pid))
+            self._children[name] = _Child(name, pid, os.pidfd_open(pid))
         return pid
 
     def poll(self) -> list[Exit]:
@@ -313,12 +291,15 @@ def _be_child(
 
 
 def _write_to(log: Path) -> None:
-    """Send stdout and stderr to ``log``, and take stdin from nowhere."""
-    nowhere = os.open(os.devnull, os.O_RDONLY)
-    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    """Send stdout and stderr to ``log``, and take stdin from nowhere. A log that cannot be written is no end of a drone."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    try:
+        file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    except OSError:
+        file = os.dup(nowhere)
     for source, number in ((nowhere, 0), (file, 1), (file, 2)):
         os.dup2(source, number)
     os.close(nowhere)
     os.close(file)
-    sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)
-    sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)
+    sys.stdout = mute_stream(1)
+    sys.stderr = mute_stream(2)

@@ -62,9 +62,6 @@ class Simulation:
                 self._boots[row] += 1
                 self.agents.restart(row, self.clock, int(self._boots[row]))
 
-    def struck_off(self, row: int) -> None:
-        """It is asked no more, and that is all."""
-
     def ask(self, tick: int, inbox: Inbox) -> Answers:
         """Let every drone that is awake decide."""
         world, (start, arrived) = self.world, inbox
@@ -89,6 +86,15 @@ class Simulation:
     def status(self, row: int, tick: int) -> AgentStatus:
         """The account of the drone in row world * N + agent; nothing is rejected where nothing is unpacked."""
         return self.agents.status(row, tick, (0,) * len(REASONS))
+
+
+def warm_up(mission: Mission) -> None:
+    """Load (or on the very first run compile) every kernel that flying ``mission`` needs; what must not be forked stays closed.
+
+    Raises:
+        world.field.FieldError, agent.policy.PolicyError: it cannot be flown.
+    """
+    Simulation([mission.model_copy(update={"faults": ()})], rehearsal=True).tick()
 
 
 def simulate(missions: Sequence[Mission]) -> list[Outcome]:

@@ -1,10 +1,14 @@
 """The world's process in a launch, and the pipe between it and the launcher.
 
-world -> launcher   ("show", snapshot)  ("apply", kind, agents)  ("broken", one line)
+world -> launcher   ("show", snapshot)  ("so far", figures)  ("apply", kind, agents)  ("broken", one line)
                     ("flown", figures), then ("saved", None or why the path could not be saved)
 launcher -> world   ("started", agent, pid)  ("ended", agent, how)
+
+Should the world be killed, the launcher has the figures of a second ago. Should the launcher be killed, the world leaves, and
+keeps what was flown in its place.
 """
 
+import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -14,15 +18,16 @@ import psutil
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
-from rsc_swarm.flight.processes import leave_on_sigterm
+from rsc_swarm.flight.processes import launcher_died, leave_on_sigterm
+from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
-from world.server.credentials import Credentials
-from world.server.link import WorldLink
+from world.server.link import Credentials, WorldLink
 from world.server.ports import Lost
 from world.server.session import Clock, WorldServer
 
 _STOPPED = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
+_SO_FAR_EVERY_S = 1.0
 
 
 class PipeControl:
@@ -30,17 +35,34 @@ class PipeControl:
 
     def __init__(self, pipe: Connection, leaving: Callable[[], bool]) -> None:
         self._pipe = pipe
-        self.leaving = leaving
+        self._asked, self._alone = leaving, False
         self._pid: dict[int, int] = {}
+        self._so_far_at = 0.0
+        self.so_far: Callable[[], Flown] | None = None
+
+    def leaving(self) -> bool:
+        """Asked, or without a launcher."""
+        return self._alone or self._asked()
+
+    def tell(self, *what: object) -> None:
+        """Tell the launcher, if it is there."""
+        try:
+            self._pipe.send(what)
+        except OSError:
+            self._alone = True
 
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
         if kind in ("kill", "freeze", "thaw", "restart"):
-            self._pipe.send(("apply", kind, agents))
+            self.tell("apply", kind, agents)
 
     def lost(self) -> list[Lost]:
-        lost = []
-        while self._pipe.poll():
-            what, agent, value = self._pipe.recv()
+        lost: list[Lost] = []
+        while not self._alone and self._pipe.poll():
+            try:
+                what, agent, value = self._pipe.recv()
+            except (EOFError, OSError):
+                self._alone = True
+                break
             if what == "started":
                 self._pid[agent] = value
             else:
@@ -54,7 +76,10 @@ class PipeControl:
             return False
 
     def show(self, picture: Snapshot) -> None:
-        self._pipe.send(("show", picture))
+        self.tell("show", picture)
+        if self.so_far and (now := time.monotonic()) >= self._so_far_at:
+            self._so_far_at = now + _SO_FAR_EVERY_S
+            self.tell("so far", self.so_far())
 
 
 def be_world(
@@ -64,20 +89,29 @@ def be_world(
     endpoint: str,
     pipe: Connection,
     trajectory: Path | None,
+    keep: Callable[[Flown], object],
 ) -> None:
-    """Fly the mission, send what came of it down the pipe, then save every drone's path, however the flight ended."""
+    """Fly the mission, send what came of it down the pipe, then save every drone's path, however the flight ended.
+
+    Args:
+        keep: what the launcher would do with what was flown, for when it is not there any more.
+    """
     leave = leave_on_sigterm()
     recorder = Recorder(mission) if trajectory else None
+    control = PipeControl(pipe, lambda: leave.asked)
     try:
         with WorldLink(credentials, [endpoint]) as link:
-            control = PipeControl(pipe, lambda: leave.asked)
             server = WorldServer(mission, link, clock, control, recorder.record if recorder else None)
+            control.so_far = server.flown
             flown = server.run()
-        pipe.send(("flown", flown))
-        pipe.send(("saved", save_path(recorder, trajectory)))
+        control.tell("flown", flown)
+        unsaved = save_path(recorder, trajectory)
+        control.tell("saved", unsaved)
+        if launcher_died():
+            keep(flown)
     except SwarmError as error:
         save_path(recorder, trajectory)
-        pipe.send(("broken", str(error)))
+        control.tell("broken", str(error))
 
 
 def save_path(recorder: Recorder | None, trajectory: Path | None) -> str | None:

@@ -20,6 +20,7 @@ from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
 from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.machine.leaving import nobody_asks
 from world.field import FieldError, draw_obstacles, draw_start
 from world.invariants import Watched
 from world.outcome import Outcome
@@ -53,9 +54,11 @@ _told: tuple[Connection, Lock] | None = None  # where this process tells what it
 
 
 def be_worker() -> None:
-    """Begin as a forked worker: Ctrl-C is for who forked it, and it does not outlive that one."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Begin as a forked worker: Ctrl-C and a closing terminal are for who forked it, and it does not outlive that one."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
@@ -175,7 +178,8 @@ def _fly_forked(mission: Mission, batches: list[list[Seeds]], workers: int) -> I
     reader, writer = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(workers, context, _enlist, (reader, writer, context.Lock()))
     try:
-        flying = {pool.submit(fly_seeds, mission, batch) for batch in batches}  # the first one forks
+        with nobody_asks():
+            flying = {pool.submit(fly_seeds, mission, batch) for batch in batches}  # the first one forks
         writer.close()
         yield from _hear(reader, flying)
     finally:

@@ -27,7 +27,7 @@ from rsc_swarm.flight.report import report_of
 clock, tasks = json.loads(sys.argv[1])
 for fields in tasks:
     launched = launch(parse_mission(fields), clock)
-    flown = launched.flown
+    flown = launched.whole()
     print(json.dumps({
         "outcome": dataclasses.asdict(flown.outcome),
         "tally": flown.tally,
@@ -45,22 +45,18 @@ import json, sys
 from pathlib import Path
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.launch import RunBroken, launch
-from rsc_swarm.flight.report import describe
 
 fields, here = json.loads(sys.argv[1])
 def show(picture):
     print(picture.tick, flush=True)
 try:
-    flown = launch(parse_mission(fields), run_dir=Path(here), on_snapshot=show).flown
+    flown = launch(parse_mission(fields), run_dir=Path(here), on_snapshot=show).whole()
 except RunBroken as error:
     print(f"broken: {error}", flush=True)
     sys.exit(3)
 except KeyboardInterrupt:
     sys.exit(130)
 outcome = flown.outcome
-if outcome.failure == "broken":
-    print(f"broken: {describe(outcome, parse_mission(fields))}", flush=True)
-    sys.exit(3)
 print(json.dumps({"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure, "digest": outcome.digest}))
 sys.exit(130 if outcome.failure == "interrupted" else 0)
 """

@@ -1,0 +1,16 @@
+"""All commands, in the order of the help. Importing them takes a moment, so `rsc_swarm.cli.main` does it late."""
+
+from rsc_swarm.cli import (  # noqa: F401  each adds its command
+    agent,
+    bench,
+    evaluate,
+    launch,
+    mission,
+    plot,
+    schema,
+    simulate,
+    tables,
+    train,
+    world,
+)  # isort: skip
+from rsc_swarm.cli.app import app as app

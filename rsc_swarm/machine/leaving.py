@@ -1,0 +1,119 @@
+"""Asked to leave: Ctrl-C, SIGTERM or a closing terminal. What a process does then depends on what it has to lose.
+
+- `leave_at_once`: nothing has been made yet. One line, and the process is gone: a KeyboardInterrupt could be swallowed
+  (while a rule is compiled) or become a traceback (while a module is imported). The command begins so.
+- `unwind_when_asked`: there are processes to end and files to close. KeyboardInterrupt, once.
+- `leave_when_asked`: a flight is under way. Nothing is raised: its loop looks at `Leave.asked`, and then all is told and kept.
+
+What whoever started the process wants ignored (``nohup``, a job in the background) stays ignored. The first process of a
+container is asked like any other: a signal that it does not handle would never reach it. Imports nothing that takes time.
+"""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+_ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_UNWIND_S = 10.0  # for who was asked and has not left by then
+_STOPPED = 130  # protocols.errors.ExitCode.INTERRUPTED, which is not imported yet
+
+_Handler = Callable[[int, FrameType | None], None]
+
+
+class Leave:
+    """Whether this process has been asked to leave. Its loop looks at ``asked`` at least every 0.2 s. Answers signals so."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+
+
+def leave_at_once() -> None:
+    """From now on, and unless something else is said below: one line, and the process is gone."""
+    _answer(_vanish)
+
+
+def leave_with(code: int) -> None:
+    """From now on whoever asks only hurries it: all is done, and the process ends with ``code`` either way."""
+    _answer(lambda number, frame: os._exit(code))
+
+
+@contextmanager
+def unwind_when_asked() -> Iterator[None]:
+    """Within the block the first signal raises KeyboardInterrupt; the second, or ten seconds, ends the process at once."""
+
+    def unwind(number: int, frame: FrameType | None) -> None:
+        _answer(_vanish)
+        signal.signal(signal.SIGALRM, _vanish)
+        signal.setitimer(signal.ITIMER_REAL, _UNWIND_S)
+        raise KeyboardInterrupt
+
+    with _answering(unwind):
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+@contextmanager
+def leave_when_asked() -> Iterator[Leave]:
+    """Within the block signals only ask to leave, however often: what was flown is told and saved first.
+
+    A block within a block is told what the outer one was.
+    """
+    outer = [answer for answer in map(signal.getsignal, _ASKING) if isinstance(answer, Leave)]
+    leave = outer[0] if outer else Leave()
+    with _answering(leave):
+        yield leave
+
+
+@contextmanager
+def nobody_asks() -> Iterator[set[int | signal.Signals]]:
+    """Within the block signals wait: for a fork, whose child must not hear them before it has put its own answers in place.
+
+    Yields:
+        The signals that waited before; for the child, which is to wait for no others either.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+    try:
+        yield before
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _answer(handler: _Handler) -> dict[signal.Signals, Any]:
+    """Answer all three with ``handler``; what answered before, of those that were not ignored."""
+    before = {number: signal.getsignal(number) for number in _ASKING}
+    changed = {number: old for number, old in before.items() if old is not signal.SIG_IGN}
+    for number in changed:
+        signal.signal(number, handler)
+    return changed
+
+
+@contextmanager
+def _answering(handler: _Handler) -> Iterator[None]:
+    """`_answer` within the block. Elsewhere than in a process's main thread no signals arrive, and nothing is changed."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = _answer(handler)
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def _vanish(number: int, frame: FrameType | None) -> None:
+    show_cursor = "\x1b[?25h\r\x1b[K" if sys.__stderr__ and sys.__stderr__.isatty() else ""
+    try:
+        os.write(2, f"{show_cursor}rsc-swarm: stopped\n".encode())
+    finally:
+        os._exit(_STOPPED)

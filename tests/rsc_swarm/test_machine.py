@@ -1,0 +1,255 @@
+"""What the machine does to a command: signals at bad moments, full disks, closed streams, too little of everything.
+
+Whatever it is: one line says what is wrong, no traceback, nothing left behind, and what was flown is kept.
+"""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = [sys.executable, "-m", "rsc_swarm"]
+SHORT = ["simulate", "--agents", "2", "--set", "fly_s=0.3"]  # and so it fails: exit code 1
+
+
+def run(
+    *words: str, sh: str = "", env: dict[str, str] | None = None, **more: object
+) -> "subprocess.CompletedProcess[str]":
+    """Run the command; ``sh``: through a shell, with these redirections."""
+    command = ["sh", "-c", f'"$@" {sh}', "sh", *COMMAND, *words]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=200, **more)  # type: ignore[call-overload]
+
+
+def complaints(said: "subprocess.CompletedProcess[str]") -> list[str]:
+    return [line for line in said.stderr.splitlines() if not line.startswith(("t ", "compiling"))]
+
+
+# --- streams -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("redirection", "why"),
+    [(">/dev/full", "No space left on device"), (">&-", "Bad file descriptor")],
+)
+@pytest.mark.parametrize("words", [SHORT, [*SHORT, "--json", "-"], ["schema"], ["mission"], ["--help"]])
+def test_a_stdout_that_cannot_be_written_is_told_in_one_line(
+    words: list[str], redirection: str, why: str
+) -> None:
+    said = run(*words, sh=redirection)
+    assert said.returncode == 3
+    shown = [line for line in complaints(said) if line.startswith("rsc-swarm: ")]
+    assert shown == [f"rsc-swarm: stdout: cannot be written ({why})"]
+    assert "Traceback" not in said.stderr
+    assert "Exception" not in said.stderr
+
+
+def test_what_cannot_be_printed_is_kept_all_the_same(tmp_path: Path) -> None:
+    said = run(
+        *SHORT, "--run-dir", str(tmp_path / "run"), "--json", str(tmp_path / "x.json"), sh=">/dev/full"
+    )
+    assert said.returncode == 3
+    assert (tmp_path / "x.json").read_text() == (tmp_path / "run" / "report.json").read_text()
+    assert (tmp_path / "run" / "trajectory.npz").is_file()
+
+
+@pytest.mark.parametrize("redirection", ["2>/dev/full", "2>&-", "<&- 2>&-"])
+def test_a_stderr_that_cannot_be_written_costs_nothing(redirection: str) -> None:
+    said = run(*SHORT, sh=redirection)
+    assert said.returncode == 1
+    assert said.stdout.startswith("FAILED (late)")
+
+
+def test_who_stops_reading_has_had_enough() -> None:
+    said = run(*SHORT, sh="| head -1")
+    assert said.stdout.startswith("FAILED (late)")
+    assert complaints(said) == []
+    assert complaints(run("launch", "--help", sh="| head -1")) == []
+
+
+def test_what_a_stream_cannot_encode_is_spelled_out() -> None:
+    said = run("mission", "--set", "name=µ", env={"PYTHONIOENCODING": "ascii"})
+    assert (said.returncode, "name: " in said.stdout) == (0, True)
+    said = run("mission", "--mission", "µ", env={"PYTHONIOENCODING": "ascii"})
+    assert (said.returncode, said.stderr.startswith(r"rsc-swarm: --mission \xb5: no such file")) == (2, True)
+
+
+def test_a_terminal_of_one_column_shows_the_report() -> None:
+    assert run(*SHORT, env={"COLUMNS": "1", "LINES": "1"}).returncode == 1
+
+
+# --- folders -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"HOME": "/nonexistent", "XDG_CACHE_HOME": ""},
+        {"HOME": "", "XDG_CACHE_HOME": "relative"},
+        {"HOME": "relative", "XDG_CACHE_HOME": "/dev/null"},
+        {"HOME": "/proc", "XDG_CACHE_HOME": "/proc", "TMPDIR": "/nonexistent"},
+    ],
+)
+def test_nowhere_to_keep_compiled_rules_is_no_error_and_leaves_nothing(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
+    code = (
+        "from protocols.kernels import cache_folder; f = cache_folder(); print(f is None or f.is_absolute())"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path / "tmp"), **environment}
+    (tmp_path / "tmp").mkdir()
+    said = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert (said.stdout, said.stderr) == ("True\n", "")
+    assert [path.name for path in tmp_path.iterdir()] == ["tmp"]
+
+
+def test_a_folder_that_is_gone_is_named() -> None:
+    words = " ".join([*COMMAND, *SHORT, "--run-dir", "x"])
+    said = subprocess.run(
+        ["sh", "-c", f'd=$(mktemp -d); cd "$d"; rmdir "$d"; {words}'],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert said.returncode == 3
+    assert complaints(said) == ["rsc-swarm: the folder in which this was started is gone: start from another"]
+
+
+# --- too little of everything ------------------------------------------------------------------------------
+
+
+def test_too_few_open_files_are_told_before_anything_is_started() -> None:
+    few = (40, 40)
+    said = run("launch", "--agents", "25", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, few))
+    line = "rsc-swarm: 25 drones need 98 open files, and 40 are allowed here: allow more (ulimit -n 98)"
+    assert (said.returncode, complaints(said)) == (3, [line])
+
+
+def test_what_may_be_raised_is_raised() -> None:
+    few = (40, 4096)
+    said = run(
+        "launch", "--agents", "8", "--set", "fly_s=0.1",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, few),
+    )  # fmt: skip
+    assert (said.returncode, complaints(said)) == (1, [])
+
+
+def test_too_little_memory_is_told_before_anything_is_started() -> None:
+    little = (1 << 30, 1 << 30)
+    said = run("launch", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, little))
+    line = "rsc-swarm: a process may have 1024 MiB of addresses here, and needs 2048: allow more (ulimit -v 2097152)"
+    assert (said.returncode, complaints(said)) == (3, [line])
+
+
+# --- signals -----------------------------------------------------------------------------------------------
+
+
+def begun(*words: str, **more: object) -> "subprocess.Popen[str]":
+    """The command, from the moment on in which it answers signals itself."""
+    process = subprocess.Popen(
+        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, **more,
+    )  # fmt: skip
+    while not answers(process.pid, signal.SIGTERM):
+        assert process.poll() is None
+        time.sleep(0.001)
+    return process
+
+
+def answers(pid: int, number: signal.Signals) -> bool:
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_who_leaves_while_all_is_being_imported_leaves_at_once(number: signal.Signals) -> None:
+    process = begun("simulate")
+    process.send_signal(number)
+    out, err = process.communicate(timeout=20)
+    assert (process.returncode, out, err) == (130, "", "rsc-swarm: stopped\n")
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.6, 1.0])
+def test_whenever_it_comes_ctrl_c_is_no_traceback(after_s: float) -> None:
+    process = begun("launch", "--agents", "3", start_new_session=True)
+    time.sleep(after_s)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert "stopped" in err or out.startswith("STOPPED")
+
+
+def test_what_whoever_started_it_wants_ignored_stays_ignored() -> None:
+    process = begun(*SHORT, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))  # nohup
+    process.send_signal(signal.SIGHUP)
+    assert process.wait(60) == 1
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="a process is the first one of a container only for root")
+def test_as_the_first_process_of_a_container_it_leaves_when_it_is_asked(tmp_path: Path) -> None:
+    file = tmp_path / "report.json"
+    endless = ["--set", "goal_x_m=1e6", "--set", "fly_s=3600", "--set", "obstacles.discs=[]"]
+    process = subprocess.Popen(
+        ["unshare", "--pid", "--fork", "--kill-child", *COMMAND, "launch", "--agents", "2", *endless, "--json", str(file)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.startswith("t "):
+            break
+    (inside,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    os.kill(int(inside), signal.SIGTERM)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert out.startswith("STOPPED: interrupted at t = ")
+    assert file.is_file()
+
+
+# --- disks -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk with room for a mission and its logs, not for a flight."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", disk], capture_output=True
+    ).returncode:
+        pytest.skip("a disk can be mounted only by root")
+    yield disk
+    subprocess.run(["umount", "-l", disk], check=True)
+
+
+@pytest.mark.parametrize("verb", ["simulate", "launch"])
+def test_a_full_disk_is_one_line_and_what_was_flown_is_told_and_sent(
+    tiny_disk: Path, tmp_path: Path, verb: str
+) -> None:
+    sent = tmp_path / "sent.json"
+    said = run(
+        verb, "--agents", "4", "--set", "fly_s=4", "--run-dir", str(tiny_disk / "run"), "--json", str(sent)
+    )
+    assert said.returncode == 3
+    assert said.stdout.startswith("FAILED (late)")
+    (line,) = complaints(said)
+    assert line.startswith(
+        f"rsc-swarm: {tiny_disk}/run/trajectory.npz: cannot be written (No space left on device)"
+    )
+    assert sent.is_file()
+    assert [path.name for path in (tiny_disk / "run").iterdir() if path.name.startswith(".")] == []
+
+
+def test_a_disk_without_any_room_is_told_before_anything_is_flown(tiny_disk: Path) -> None:
+    (tiny_disk / "all").write_bytes(bytes(16384))
+    said = run("launch", "--agents", "2", "--run-dir", str(tiny_disk / "run"))
+    assert (said.returncode, len(complaints(said))) in ((2, 1), (3, 1))
+    assert "cannot be written (No space left on device)" in said.stderr
