@@ -12,14 +12,18 @@ from typing import BinaryIO
 
 from protocols.errors import BrokenError
 
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+
 
 class WriteError(BrokenError):
     """A file cannot be written, because the disk is full, say; what was under its name before is untouched."""
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
+def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
     """A file to write; at the end of the ``with`` block it is on the disk and takes the name ``path``.
+
+    private: only its owner may read it.
 
     If the block raises, ``path`` stays as it was. What is no file, such as ``/dev/null``, is written to as it is; a link goes
     on leading where it leads.
@@ -35,7 +39,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         target = path.resolve()
         partial = target.with_name(f".{target.name}.{os.getpid()}")
         try:
-            with _nameless(partial) as file:
+            with _nameless(partial, 0o600 if private else 0o666) as file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
@@ -49,19 +53,20 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         raise WriteError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
-def _nameless(otherwise: Path) -> BinaryIO:
+def _nameless(otherwise: Path, mode: int) -> BinaryIO:
     """A file without a name in the folder of ``otherwise``, or one with that name where there are no others."""
     try:
-        return os.fdopen(os.open(otherwise.parent, os.O_TMPFILE | os.O_WRONLY, 0o666), "wb")
+        return os.fdopen(os.open(otherwise.parent, os.O_TMPFILE | os.O_WRONLY, mode), "wb")
     except OSError:  # EOPNOTSUPP, EISDIR, EINVAL, ...: what really stands in the way, opening by name says
-        return otherwise.open("wb")
+        otherwise.unlink(missing_ok=True)
+        return open(os.open(otherwise, _NEW, mode), "wb")
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def write_whole(path: Path, content: str | bytes, private: bool = False) -> None:
     """Write ``content`` (text as UTF-8) as a `whole_file`.
 
     Raises:
         WriteError: one line names the file and says why.
     """
-    with whole_file(path) as file:
+    with whole_file(path, private) as file:
         file.write(content.encode() if isinstance(content, str) else content)

@@ -156,9 +156,14 @@ def launch(
             stderr=subprocess.PIPE,
             text=True,
         )
+        kept = folder / "report.json"
+        if done.returncode not in _FLOWN and not kept.is_file():
+            _raise(done)
+        report = FlightReport.model_validate_json(kept.read_text(encoding="utf-8"))
+        if report.failure == "broken":
+            raise RunBroken(report.detail)
         if done.returncode not in _FLOWN:
             _raise(done)
-        report = FlightReport.model_validate_json((folder / "report.json").read_text(encoding="utf-8"))
         if not run_dir:
             report = report.model_copy(update={"again": _again("launch", mission, "--clock", clock)})
         return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))

@@ -260,5 +260,7 @@ def command_line(verb: str, options: MissionOptions, **instead: Any) -> str:
     words = ["rsc-swarm", verb]
     for name, value in {**chosen(anywhere(options)), **instead}.items():
         for item in value if isinstance(value, list) else [value]:
-            words += [flag(name), repr(item).removesuffix(".0") if isinstance(item, float) else str(item)]
+            words.append(flag(name))
+            if item is not True:
+                words.append(repr(item).removesuffix(".0") if isinstance(item, float) else str(item))
     return shlex.join(words)

@@ -25,7 +25,7 @@ from world import faults, field, referee
 from world import plant as physics
 from world.medium import information_bound as information_bound
 from world.medium import medium
-from world.outcome import Judgement, Outcome
+from world.outcome import Judgement, Outcome, StruckOff
 
 
 class Answers(NamedTuple):
@@ -151,6 +151,8 @@ class WorldCore:
         self._air = medium.Air(self.flying, self.condition.group, self.position, self._sent)
         self._judgements = [Judgement(mission) for mission in missions]
         self.outcomes: list[Outcome | None] = [None] * worlds
+        self.struck_off: list[list[StruckOff]] = [[] for _ in missions]
+        self._barred = np.zeros(self.shape, np.bool_)  # struck off: no fault of the mission brings them back
 
     @property
     def ring(self) -> int:
@@ -169,16 +171,30 @@ class WorldCore:
 
     def begin_tick(self) -> list[faults.Event]:
         """Let the faults due now happen, and say which they were."""
-        events = faults.due(self.missions, self.initial_slots, self.active, self.tick)
+        events = faults.due(self.missions, self.initial_slots, self.active, self.tick, self._barred)
         for event in events:
             agents = list(event.agents)
             faults.strike(event, self.condition, self.velocity, self.command)
             if event.fault.kind == "kill":
-                self.nearest[event.world, agents] = np.inf
-                self.edge_error[event.world, agents] = 0.0
+                self._fell(event.world, agents)
             elif event.fault.kind == "restart" and self._information_bound:
                 self._information_bound.latest[event.world, agents] = information_bound.NEVER
         return events
+
+    def _fell(self, world: int, agents: list[int]) -> None:
+        """They are out of the air: near nobody, off nothing."""
+        self.nearest[world, agents] = np.inf
+        self.edge_error[world, agents] = 0.0
+
+    def strike_off(self, world: int, agent: int, why: str) -> bool:
+        """Take a drone out of the air for good, without the mission's doing; False if it flies no more."""
+        if not self.flying[world, agent]:
+            return False
+        self.struck_off[world].append(StruckOff(agent, round(int(self.tick[world]) * TICK_S, 2), why))
+        self.flying[world, agent] = self.responsive[world, agent] = False
+        self._barred[world, agent] = True
+        self._fell(world, [agent])
+        return True
 
     def perceive(self) -> Inbox:
         """Fill ``sensed`` with what every flying drone of an active world senses now; return what they hear."""
@@ -248,7 +264,7 @@ class WorldCore:
         return ended
 
     def end(self, world: int, failure: str) -> None:
-        """End a flight; from outside, for example when it was interrupted or an invariant broke."""
+        """End a flight; from outside, for example when it was interrupted or nobody is left."""
         self.active[world] = False
         self.outcomes[world] = self._settled(world, failure)
 

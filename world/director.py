@@ -3,9 +3,9 @@
     faults     what the mission says goes wrong happens to the drones, and to their processes
     perceive   what is sensed, and the frames that arrive
     ask        every drone that is awake decides
-    watch      the invariants of the slots, over the drones' accounts
+    watch      the invariants of the slots, over the drones' accounts; whose account is impossible is struck off
     advance    move, relay, judge
-    end        flights whose invariants broke, or in which nobody is left
+    end        flights in which nobody is left
 
 Where the drones are is behind the port `Swarm`.
 """
@@ -19,9 +19,9 @@ from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
 from world.faults import Event
-from world.invariants import Invariants
+from world.invariants import Discredited, Invariants
 from world.medium.medium import TALLY
-from world.outcome import Flown
+from world.outcome import Flown, Outcome, as_broken
 
 
 class Swarm(Protocol):
@@ -32,6 +32,9 @@ class Swarm(Protocol):
 
     def ask(self, tick: int, inbox: Inbox) -> Answers | None:
         """What the drones that are awake answer to what they sense and hear; None to leave the flight before this tick."""
+
+    def struck_off(self, row: int) -> None:
+        """This drone flies no more, without the mission's doing."""
 
     def farewell(self) -> list[tuple[int, AgentStatus]]:
         """The last accounts of the drones that are awake, with their rows."""
@@ -47,7 +50,7 @@ class Director:
     def __init__(self, core: WorldCore, swarm: Swarm) -> None:
         self.core, self._swarm = core, swarm
         cooldown_s = core.missions[0].swap.cooldown_s
-        self.invariants = [Invariants(core.shape[1], cooldown_s) for _ in core.missions]
+        self.invariants = [Invariants(slots, cooldown_s) for slots in core.initial_slots]
         self.statuses: dict[int, AgentStatus] = {}
         self.clock = 0
         self._sizes = np.zeros(
@@ -59,6 +62,9 @@ class Director:
         core = self.core
         for event in core.begin_tick():
             self.invariants[event.world].fault(self.clock)
+            if event.fault.kind == "restart":
+                for agent in event.agents:
+                    self.invariants[event.world].renew(agent)
             self._swarm.strike(event)
         inbox = core.perceive()
         answers = self._swarm.ask(self.clock, inbox)
@@ -69,37 +75,61 @@ class Director:
         self._sizes += np.bincount(sizes, minlength=len(self._sizes))
         ended = core.advance(answers)
         self.clock += 1
-        return ended + self._end()
+        return self._close(ended + self._end())
+
+    def strike_off(self, row: int, why: str) -> None:
+        """Take the drone of this row out of its flight without the mission's doing, and let the others fly on."""
+        world, agent = divmod(row, self.core.shape[1])
+        if self.core.strike_off(world, agent, why):
+            self.invariants[world].lose(agent)
+            self._swarm.struck_off(row)
 
     def leave(self) -> list[int]:
         """End all flights as interrupted; return which they were."""
         worlds: list[int] = np.flatnonzero(self.core.active).tolist()
         for world in worlds:
             self.core.end(world, "interrupted")
-        return worlds
+        return self._close(worlds)
 
     def _watch(self, answers: Answers) -> None:
         core, agents = self.core, self.core.shape[1]
         for row, status in answers.accounts:
-            self.statuses[row] = status
-            self.invariants[row // agents].see(self.clock, row % agents, status)
-        awake = core.rows_awake.reshape(core.shape)
+            world, agent = divmod(row, agents)
+            if not core.flying[world, agent]:
+                continue
+            discredited = self.invariants[world].see(self.clock, agent, status)
+            if agent not in dict(discredited):
+                self.statuses[row] = status
+            self._discredit(world, discredited)
+        awake, claims = core.rows_awake.reshape(core.shape), answers.claim.reshape(core.shape)
         for world in np.flatnonzero(core.active).tolist():
-            self.invariants[world].tick(
-                self.clock, np.flatnonzero(awake[world]).tolist(), core.could_know(world)
-            )
+            watch = self.invariants[world]
+            self._discredit(world, watch.claims(self.clock, claims[world], core.flying[world]))
+            watch.tick(self.clock, np.flatnonzero(awake[world]).tolist(), core.could_know(world))
+
+    def _discredit(self, world: int, discredited: Discredited) -> None:
+        for agent, why in discredited:
+            self.strike_off(world * self.core.shape[1] + agent, why)
 
     def _end(self) -> list[int]:
         core, ended = self.core, []
         for world in np.flatnonzero(core.active).tolist():
-            if self.invariants[world].breach:
-                core.end(world, "broken-invariant")
-            elif not core.flying[world].any():
+            if not core.flying[world].any():
                 core.end(world, "all-lost")
-            else:
-                continue
-            ended.append(world)
+                ended.append(world)
         return ended
+
+    def _close(self, ended: list[int]) -> list[int]:
+        for world in ended:
+            self.core.outcomes[world] = self._outcome(world)
+        return ended
+
+    def _outcome(self, world: int) -> Outcome:
+        """How a flight ended, or would have if it were interrupted now, with what broke it."""
+        outcome = self.core.outcome(world)
+        if outcome.failure == "broken":
+            return outcome
+        return as_broken(outcome, tuple(self.core.struck_off[world]), self.invariants[world].result().breach)
 
     def flown(
         self,
@@ -109,7 +139,7 @@ class Director:
         message_bytes: tuple[float, float] = (0.0, 0.0),
     ) -> Flown:
         """What came of the flight in world 0. When it is over the drones are asked for their last accounts."""
-        outcome = self.core.outcome(0)
+        outcome = self._outcome(0)
         if not self.core.active[0]:
             self.statuses.update(self._swarm.farewell())
         return Flown(

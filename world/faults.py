@@ -48,14 +48,17 @@ def due(
     initial_slots: NDArray[np.int16],
     active: NDArray[np.bool_],
     tick: NDArray[np.int64],
+    spared: NDArray[np.bool_],
 ) -> list[Event]:
-    """The faults of this tick; one of a slot strikes whoever held it at the start (``initial_slots``: (E, N))."""
+    """The faults of this tick; one of a slot strikes whoever held it at the start (``initial_slots``: (E, N)), but nobody who
+    is ``spared`` (E, N)."""
     events = []
     for world in np.flatnonzero(active).tolist():
         for fault in missions[world].faults:
             if fault.at_tick == tick[world]:
                 by_slot = (int(np.flatnonzero(initial_slots[world] == slot)[0]) for slot in fault.slots)
-                events.append(Event(world, fault, (*fault.agents, *by_slot)))
+                struck = (agent for agent in (*fault.agents, *by_slot) if not spared[world, agent])
+                events.append(Event(world, fault, tuple(struck)))
     return events
 
 

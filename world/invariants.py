@@ -1,26 +1,36 @@
-"""The invariants: what must hold among the drones' views of the slots, checked during every flight.
+"""The invariants: what must hold among the drones' accounts of the slots, checked during every flight.
 
-    permutation  every view gives every slot to exactly one drone
+    permutation  every view gives every slot to exactly one drone, and to its owner the slot it says it holds
     agreement    drones that know the same swaps (equal digests) have equal views
-    no livelock  in no second are there more swaps than all drones together may make, given their cooldown
+    no livelock  in no second are there more swaps than a drone, or all drones together, may make, given their cooldown
+    counts       what a drone counts never falls, nor rises by more than can happen in a tick
 
-A breach is kept with the tick, the drones and the two views, and fails the flight. Measured besides: how long after the
-last fault all living drones had the same view again, how long after it they could have had one if every frame that arrived
-had told all its sender knew (world.medium.information_bound), and how many swaps were undone by a merge.
+One drone that errs or lies must not end the flight of the others. A drone whose own account is impossible is discredited. Where
+drones contradict each other the smaller party is; while both are equally large nobody can tell who is wrong, and nobody is. The
+first breach is kept with the tick, the drones and the views, and breaks the run (world.outcome.as_broken).
+
+Measured besides: how long after the last fault all living drones had the same view again, how long after it they could have had
+one if every frame that arrived had told all its sender knew (world.medium.information_bound), and how many swaps were undone by
+a merge.
 """
 
 import math
-from collections import deque
+from collections import Counter, defaultdict, deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
+from protocols.wire.messages import MAX_HEARD
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
 _SECOND = round(1 / TICK_S)
 _COMMITTED, _VACATED, _UNDONE = (SWAP_COUNTS.index(name) for name in ("committed", "vacated", "undone"))
+_IN_A_TICK = 2 * MAX_HEARD  # no count rises by more: nothing is counted more than twice per frame heard
+_REMEMBERED = 256  # accounts of one drone that are held against those of others
+
+Discredited = list[tuple[int, str]]  # drones, and why
 
 
 @dataclass(frozen=True)
@@ -41,16 +51,23 @@ class Watched:
 class Invariants:
     """Collects the views of N drones as they change."""
 
-    def __init__(self, agents: int, cooldown_s: float) -> None:
-        """Watch a swarm of ``agents`` that pause ``cooldown_s`` after a swap."""
+    def __init__(self, initial_slots: NDArray[np.int16], cooldown_s: float) -> None:
+        """Watch a swarm that starts in ``initial_slots`` (N,) and in which a drone pauses ``cooldown_s`` after a swap."""
+        agents = len(initial_slots)
         self._everyone = list(range(agents))
+        self._initial, self._says = initial_slots, initial_slots.astype(np.int64)
         self._status: dict[int, AgentStatus] = {}
-        self._view_of: dict[int, tuple[bytes, int]] = {}
+        self._view_of: defaultdict[int, dict[int, bytes]] = defaultdict(dict)  # by digest and drone
+        self._told: defaultdict[int, deque[int]] = defaultdict(deque)  # by drone: the digests of its accounts
+        # By drone: its last account since it began and the tick of that; (tick, swaps) that it made lately.
+        self._account: dict[int, tuple[int, AgentStatus]] = {}
+        self._made_lately: defaultdict[int, deque[tuple[int, int]]] = defaultdict(deque)
         self._swaps = 0
         self._recent: deque[tuple[int, int]] = deque()
         self._most = 0
         # Both parties pause, so N drones make N/2 swaps a cooldown; each may besides close the ranks once.
         self._bound = agents * (1 + math.ceil(1 / cooldown_s))
+        self._own_bound = agents + math.ceil(1 / cooldown_s)  # one drone: it may close the ranks often
         self._changed = False
         self._living = agents
         self._differ = False
@@ -61,25 +78,111 @@ class Invariants:
         self._news: list[tuple[int, int]] = []  # (drone, tick) of swaps of which not all could know
         self.breach: str | None = None
 
-    def see(self, tick: int, agent: int, status: AgentStatus) -> None:
-        """A drone's account at this tick; keeps the first breach."""
+    def see(self, tick: int, agent: int, status: AgentStatus) -> Discredited:
+        """A drone's account at this tick; returns who is discredited by it. An impossible account counts for nothing."""
+        wrong = self._impossible(tick, agent, status)
+        if wrong:
+            return [self._discredit(tick, agent, *wrong)]
         self._changed = True
         before = self._status.get(agent)
-        if _made(status) > (_made(before) if before else 0):
+        made = _made(status) - (_made(before) if before else 0)
+        if made > 0:
             self._news.append((agent, tick))
+            self._made_lately[agent].append((tick, made))
         self._status[agent] = status
-        if self.breach:
-            return
+        self._account[agent] = tick, status
+        self._says[agent] = status.slot
+        return self._compare(tick, agent, status)
+
+    def claims(self, tick: int, claim: NDArray[np.int64], flying: NDArray[np.bool_]) -> Discredited:
+        """The slots (N,) that drones say they hold at this tick; returns who of those that fly gave another account of itself."""
+        wrong = np.flatnonzero((claim != self._says) & flying).tolist()
+        return [
+            self._discredit(
+                tick, agent, "slots", f"says it holds slot {claim[agent]} and told of {self._says[agent]}"
+            )
+            for agent in wrong
+        ]
+
+    def renew(self, agent: int) -> None:
+        """This drone begins anew, knowing nothing: its counts and its slot are what they were at the start."""
+        self._account.pop(agent, None)
+        self._says[agent] = self._initial[agent]
+
+    def lose(self, agent: int) -> None:
+        """What this drone told counts for nothing any more."""
+        for digest in self._told.pop(agent, ()):
+            self._withdraw(agent, digest)
+
+    def _withdraw(self, agent: int, digest: int) -> None:
+        views = self._view_of[digest]
+        views.pop(agent, None)
+        if not views:
+            del self._view_of[digest]
+
+    def _discredit(self, tick: int, agent: int, rule: str, how: str) -> tuple[int, str]:
+        self.breach = self.breach or f"{rule} broken at tick {tick}: agent {agent} {how}"
+        self.lose(agent)
+        return agent, f"its account of itself cannot be true: it {how}"
+
+    def _impossible(self, tick: int, agent: int, status: AgentStatus) -> tuple[str, str] | None:
+        """What is wrong with this account by itself: the rule it breaks, and how."""
         view = list(status.view)
         if sorted(view) != self._everyone:
-            self.breach = f"permutation broken at tick {tick}: agent {agent} believes {view}"
-            return
-        known, first = self._view_of.setdefault(status.digest, (status.view, agent))
-        if known != status.view:
-            self.breach = (
-                f"agreement broken at tick {tick}: agents {first} and {agent} know the same swaps but believe "
-                f"{list(known)} and {view}"
+            return "permutation", f"believes {view}"
+        if view[agent] != status.slot:
+            return "slots", f"says it holds slot {status.slot} and believes {view}"
+        if status.heard >= len(view):
+            return "counts", f"hears {status.heard} others"
+        since, before = self._account.get(agent, (-1, None))
+        numbers = (*status.swaps, *status.rejected)
+        counted = (*before.swaps, *before.rejected) if before else (0,) * len(numbers)
+        most = _IN_A_TICK * (tick - since + 1)
+        for was, now in zip(counted, numbers, strict=True):
+            if not was <= now <= was + most:
+                return "counts", f"counts {now} after {was}"
+        if before:
+            lately = self._made_lately[agent]
+            while lately and lately[0][0] <= tick - _SECOND:
+                lately.popleft()
+            swaps = _made(status) - _made(before) + sum(made for _, made in lately)
+            if swaps > self._own_bound:
+                return "pauses", f"makes {swaps} swaps within a second"
+        return None
+
+    def _compare(self, tick: int, agent: int, status: AgentStatus) -> Discredited:
+        """Hold a possible account against those of others who know the same."""
+        views, told = self._view_of[status.digest], self._told[agent]
+        if agent not in views:
+            told.append(status.digest)
+            if len(told) > _REMEMBERED:
+                self._withdraw(agent, told.popleft())
+        views[agent] = status.view
+        if len(set(views.values())) == 1:
+            return []
+        (most, votes), (_, others) = Counter(views.values()).most_common(2)
+        if votes == others:
+            return []
+        outvoted = [other for other, view in views.items() if view != most]
+        first = next(other for other, view in views.items() if view == most)
+        return [
+            self._discredit(
+                tick, other, "agreement", f"knows what agent {first} knows but believes {list(views[other])}"
             )
+            for other in outvoted
+        ]
+
+    def _undecided(self) -> str | None:
+        """A contradiction of which nobody can tell who is wrong."""
+        for views in self._view_of.values():
+            first, *others = views
+            for other in others:
+                if views[other] != views[first]:
+                    return (
+                        f"agreement broken: agents {first} and {other} know the same swaps but believe "
+                        f"{list(views[first])} and {list(views[other])}"
+                    )
+        return None
 
     def fault(self, tick: int) -> None:
         """Something was done to the swarm at this tick."""
@@ -117,7 +220,7 @@ class Invariants:
     def result(self) -> Watched:
         """What was seen so far."""
         return Watched(
-            breach=self.breach,
+            breach=self.breach or self._undecided(),
             views_differ_s=self._differ_ticks * TICK_S,
             agreed_after_s=self._since_fault(self._agreed_at),
             allowed_after_s=self._since_fault(self._allowed_at),

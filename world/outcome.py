@@ -1,8 +1,8 @@
 """What came of a flight: the referee's verdicts of all ticks, summed up, and a digest of every tick's state."""
 
 import hashlib
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,20 @@ from world import referee
 from world.invariants import Watched
 
 
+class StruckOff(NamedTuple):
+    """A drone that was taken out of a flight without the mission's doing: when, and why."""
+
+    agent: int
+    at_s: float
+    why: str
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How one flight ended. Distances in metres, times in seconds, errors relative to the edge length.
 
-    formed_s: when the formation first stood, wherever that was; tau_s: when it stood beyond the goal line.
+    formed_s: when the formation first stood, wherever that was; tau_s: when it stood beyond the goal line. In a run that broke
+    (`as_broken`) rest_succeeded and rest_failure say how the flight of those who were left ended; else they are None.
     """
 
     success: bool
@@ -34,6 +43,26 @@ class Outcome:
     overlap_s: float
     lost_agents: tuple[int, ...]
     digest: str
+    struck_off: tuple[StruckOff, ...] = ()
+    rest_succeeded: bool | None = None
+    rest_failure: str | None = None
+
+
+def as_broken(outcome: Outcome, struck_off: tuple[StruckOff, ...], breach: str | None) -> Outcome:
+    """The outcome of a flight in which drones were ``struck_off`` or an invariant of the slots broke, if that was so.
+
+    Such a run says nothing about the controller: it is neither a success nor a failure of it.
+    """
+    outcome = replace(outcome, struck_off=struck_off)
+    if not (struck_off or breach) or outcome.failure == "interrupted":
+        return outcome
+    return replace(
+        outcome,
+        success=False,
+        failure="broken",
+        rest_succeeded=outcome.success,
+        rest_failure=outcome.failure,
+    )
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,22 @@
 import json
 import os
 import queue
-import socket
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Any, Self
+from datetime import UTC, datetime
+from typing import Any
 
 import zenoh
 
+from agent.radio.why_not import why_not
+from protocols.closing import Closing
+from protocols.open_files import allow_open_files
 from protocols.wire import keys, pieces
-from protocols.wire.keys import LinkError, Login
+from protocols.wire.endpoints import checked_endpoint, is_secret
+from protocols.wire.keys import LinkError
+from protocols.wire.login import Login
+from protocols.wire.transport import COMMON, secret
 
 _LOOK_AGAIN_S = 0.002
 # One thread for all that Zenoh does: with a pool for each kind of work, cores are busy with switching between a swarm's threads.
@@ -28,53 +33,39 @@ _ONE_RUNTIME = (
     "app:(worker_threads:1,max_blocking_threads:2))"
 )
 _ASK_AGAIN_S = 0.1  # whether to leave, while waiting for the world
+_FILES = 40  # what Zenoh and a policy's model open
 
 
-def _someone_listens(endpoint: str) -> bool:
-    """Whether anything at all accepts a connection at ``endpoint``; used only to word an error."""
-    protocol, _, address = endpoint.partition("/")
-    try:
-        if protocol == "unixsock-stream":
-            with socket.socket(socket.AF_UNIX) as probe:
-                probe.settimeout(0.5)
-                probe.connect(address)
-        else:
-            host, _, port = address.rpartition(":")
-            socket.create_connection((host.strip("[]"), int(port)), timeout=0.5).close()
-    except (OSError, ValueError):
-        return False
-    return True
-
-
-def _why_not(endpoint: str, login: Login, timeout_s: float) -> str:
-    if _someone_listens(endpoint):
-        return (
-            f"the world at {endpoint} does not let {keys.user(login.agent)} in: "
-            "use the login that this launch of the world made for this agent"
+def _check_certificates(endpoint: str, login: Login) -> None:
+    """Raises LinkError if ``login`` is no good at ``endpoint``; no world need be asked for that."""
+    if not is_secret(endpoint):
+        return
+    if login.certificates is None:
+        raise LinkError(
+            f"{keys.user(login.agent)} has no certificate for {endpoint}: use its file of 'rsc-swarm keys', and let the world "
+            "use the same keys"
         )
-    return (
-        f"no world answers at {endpoint} within {timeout_s:g} s: "
-        "start the world first, or give the endpoint on which it listens"
-    )
+    from protocols.wire.certificates import refuse_out_of_date  # not needed, nor loaded, on one machine
+
+    try:
+        refuse_out_of_date(login.certificates, datetime.now(UTC))
+    except ValueError as error:
+        raise LinkError(f"{keys.user(login.agent)}: {error}") from None
 
 
 def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
     settings: dict[str, Any] = {
         "mode": "client",
-        "connect/endpoints": [keys.checked_endpoint(endpoint)],
+        "connect/endpoints": [endpoint],
         "connect/timeout_ms": round(1e3 * timeout_s),
         "connect/exit_on_failure": True,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "timestamping/enabled": False,
-        "transport/unicast/qos/enabled": False,
-        "transport/unicast/lowlatency": True,
-        "transport/link/tx/lease": keys.LEASE_MS,
-        "transport/shared_memory/enabled": False,
+        **COMMON,
         "transport/auth/usrpwd/user": keys.user(login.agent),
         "transport/auth/usrpwd/password": login.password,
     }
+    if login.certificates and is_secret(endpoint):
+        settings |= secret(login.certificates, "connect")
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_RUNTIME)  # read when the first session of a process opens
     try:
         config = zenoh.Config()
@@ -82,7 +73,7 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
             config.insert_json5(name, json.dumps(value))
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise LinkError(_why_not(endpoint, login, timeout_s)) from error
+        raise LinkError(why_not(endpoint, login, timeout_s)) from error
 
 
 def _asked_to_leave(endpoint: str) -> LinkError:
@@ -111,7 +102,7 @@ def _open_unless(leaving: Callable[[], bool], endpoint: str, login: Login, timeo
     raise _asked_to_leave(endpoint)
 
 
-class AgentLink:
+class AgentLink(Closing):
     """The open client of one agent.
 
     Raises LinkError when the world is not there or refuses the login, or when ``leaving`` says so meanwhile.
@@ -129,6 +120,8 @@ class AgentLink:
         # unlike a Zenoh channel it can be waited on for a limited time.
         self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
         self._joiner = pieces.Joiner()
+        _check_certificates(checked_endpoint(endpoint), login)
+        allow_open_files(_FILES)
         self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
         try:
             self._session.declare_subscriber(
@@ -170,11 +163,3 @@ class AgentLink:
     def close(self) -> None:
         if not self._session.is_closed():
             self._session.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -34,10 +34,9 @@ _ECHO_TICKS = 600
 _LONE_WORLD = """
 import sys, time
 from pathlib import Path
-from world.server.link import Credentials, WorldLink
-credentials = Credentials.fresh("rsc", 1)
-credentials.save_login(0, Path(sys.argv[2]))
-with WorldLink(credentials, [sys.argv[1]]):
+from rsc_swarm.flight.key_files import make_login_files
+from world.server.link import WorldLink
+with WorldLink(make_login_files(Path(sys.argv[2]), "rsc", 1), [sys.argv[1]]):
     print("open", flush=True)
     time.sleep(60)
 """
@@ -45,8 +44,11 @@ _LONE_DRONE = """
 import sys
 from pathlib import Path
 print("born", flush=True)
+from rsc_swarm.flight.key_files import read_login
 from rsc_swarm.flight.launch import fly_agent
-fly_agent(0, sys.argv[1], Path(sys.argv[2]), lambda seconds: print(seconds, flush=True))
+endpoint = sys.argv[1]
+login = read_login(Path(sys.argv[2]) / "agent-0.json", 0, endpoint, plain_text=False)
+fly_agent(login, endpoint, lambda seconds: print(seconds, flush=True))
 """
 _LARGE = 100
 _POLICIES = ("rsc-h20", "analytic")
@@ -184,17 +186,13 @@ def _alone(agents: int) -> dict[str, Any]:
     """The command line from its start: a launch to its first tick, and one drone alone as on its companion computer."""
     with tempfile.TemporaryDirectory(prefix="rsc-swarm-bench-") as name:
         folder = Path(name)
-        report, login, endpoint = (
-            folder / "report.json",
-            folder / "agent-0.json",
-            f"unixsock-stream/{folder}/world.sock",
-        )
+        report, endpoint = folder / "report.json", f"unixsock-stream/{folder}/world.sock"
         short = ["--agents", str(agents), "--set", "fly_s=0.5", "--json", str(report)]
         subprocess.run(
             [sys.executable, "-m", "rsc_swarm", "launch", *short], capture_output=True, check=False
         )
         first_tick = json.loads(report.read_text())["first_tick_s"]
-        with _child(_LONE_WORLD, endpoint, str(login)), _child(_LONE_DRONE, endpoint, str(login)) as drone:
+        with _child(_LONE_WORLD, endpoint, name), _child(_LONE_DRONE, endpoint, name) as drone:
             ready = float(drone.stdout.readline())
             resident = psutil.Process(drone.pid).memory_info().rss / 1e6
     return {"first_tick_s": first_tick, "agent_ready_s": ready, "agent_resident_mb": resident}

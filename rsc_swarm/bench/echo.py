@@ -9,10 +9,11 @@ from pathlib import Path
 
 from agent.radio.link import AgentLink
 from protocols.whole_file import write_whole
-from protocols.wire.keys import Login
+from protocols.wire.login import Login
 from rsc_swarm.flight.processes import Supervisor, leave_on_sigterm
 from rsc_swarm.flight.socket_folder import RunFolder
-from world.server.link import Credentials, WorldLink
+from world.server.credentials import Credentials
+from world.server.link import WorldLink
 
 _SWARM = "echo"
 _WARM_UP_TICKS = 50

@@ -6,21 +6,30 @@ from typing import Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app, examples
+from rsc_swarm.cli.app import PlainText, announce_compiling, app, examples
 
 
-@app.command(epilog=examples("agent --agent 0 --connect tcp/192.168.1.10:7447 --credentials agent-0.json"))
+@app.command(epilog=examples("agent --agent 0 --connect tls/10.0.0.1:7447 --credentials agent-0.json"))
 def agent(
     agent: Annotated[int, typer.Option(metavar="I", min=0, help="Which drone this is.")],
-    connect: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where the world listens.")],
+    connect: Annotated[
+        str, typer.Option(metavar="ENDPOINT", help="Where the world listens, tls/ADDRESS:PORT say.")
+    ],
     credentials: Annotated[
         Path,
         typer.Option(
-            metavar="FILE", exists=True, dir_okay=False, help="This drone's, as written by the world."
+            metavar="FILE",
+            exists=True,
+            dir_okay=False,
+            help="This drone's own, made by [bold]rsc-swarm keys[/] or the world.",
         ),
     ],
+    plain_text: PlainText = False,
 ) -> None:
     """Run one drone alone; it gets its mission from the world."""
+    from rsc_swarm.flight.key_files import read_login
+
+    login = read_login(credentials, agent, connect, plain_text)
     announce_compiling()
     from agent.body.relayed import Ending
     from rsc_swarm.flight.launch import fly_agent
@@ -28,6 +37,6 @@ def agent(
     def say(seconds: float) -> None:
         typer.echo(f"agent {agent}: ready after {seconds:.2f} s", err=True)
 
-    reason = fly_agent(agent, connect, credentials, say)
+    reason = fly_agent(login, connect, say)
     typer.echo(f"agent {agent}: {reason}", err=True)
     raise typer.Exit(ExitCode.INTERRUPTED if reason is Ending.ASKED_TO_LEAVE else ExitCode.SUCCEEDED)

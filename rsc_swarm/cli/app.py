@@ -30,6 +30,12 @@ JsonFile = Annotated[
         "--json", metavar="FILE", help="Write the report as JSON; - for stdout, and nothing else there."
     ),
 ]
+PlainText = Annotated[
+    bool,
+    typer.Option(
+        "--plain-text", help="Let tcp/ leave this machine, where everybody on the way can read and change it."
+    ),
+]
 
 
 class Clock(StrEnum):

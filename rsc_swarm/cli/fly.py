@@ -125,4 +125,6 @@ def _try(save: Callable[[], None]) -> WriteError | None:
 def _ends(report: FlightReport) -> ExitCode:
     if report.failure == "interrupted":
         return ExitCode.INTERRUPTED
+    if report.failure == "broken":
+        return ExitCode.BROKEN
     return ExitCode.SUCCEEDED if report.success else ExitCode.FAILED

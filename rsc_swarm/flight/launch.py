@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -24,7 +24,8 @@ from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission, parse_mission
-from protocols.wire.keys import LinkError, Login
+from protocols.wire.keys import LinkError
+from protocols.wire.login import Login
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
@@ -34,7 +35,8 @@ from rsc_swarm.machine.limits import make_room
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
-from world.server.link import Credentials, WorldLink
+from world.server.credentials import Credentials
+from world.server.link import WorldLink
 from world.server.ports import NoControl
 from world.server.session import Clock, ServerError, WorldServer
 
@@ -113,6 +115,7 @@ class _Launch:
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
         self._pipe, theirs = Pipe()
         self._expected: set[str] = set()  # ends that this launcher brought about
+        self._policy_error: PolicyError | None = None  # of the first drone whose policy went wrong
         self.pss_mb: float | None = None
         self._so_far: Flown | None = None
         self._error: SwarmError | None = None
@@ -170,13 +173,16 @@ class _Launch:
                 self._apply(*said)
             elif what == "flown":
                 flown = said[0]
+                if len(flown.outcome.lost_agents) == self._mission.agents:
+                    self._error = self._error or self._policy_error
             elif what == "saved":
                 unsaved = said[0]
                 break
             elif what == "broken":
                 unsaved = None
                 if not leave.asked:
-                    self._error = self._error or RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
+                    broken = RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
+                    self._error = self._error or self._policy_error or broken
                 break
             elif what == "silent":
                 why = self._why_silent()
@@ -210,7 +216,9 @@ class _Launch:
                 continue
             log = _lines(self._log(end.name))
             if end.code == _POLICY_WENT_WRONG and log:
-                self._error = self._error or PolicyError(log[-1])
+                self._policy_error = self._policy_error or PolicyError(log[-1])
+                self._tell("ended", int(end.name.removeprefix("agent-")), log[-1])
+                continue
             complaint = next((line for line in log if line.startswith(f"{end.name}: ")), "")
             how = f"its process ({end.pid}) {end.how}{complaint and f' ({complaint})'}"
             self._tell("ended", int(end.name.removeprefix("agent-")), how)
@@ -291,13 +299,13 @@ def launch(
 def serve_world(
     mission: Mission,
     clock: Clock,
-    listen: list[str],
-    login_folder: Path,
+    listen: Sequence[str],
+    credentials: Credentials,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     trajectory: Path | None = None,
     join_s: float = 120.0,
 ) -> tuple[Flown, str | None]:
-    """Be the world alone: write one login file per drone into ``login_folder``, wait for all drones, fly.
+    """Be the world alone: wait for all drones, fly.
 
     Returns:
         The flight, and why ``trajectory`` could not be written.
@@ -307,10 +315,6 @@ def serve_world(
     """
     make_room(mission.agents)
     warm_up(mission)
-    credentials = Credentials.fresh(mission.swarm, mission.agents)
-    login_folder.mkdir(parents=True, exist_ok=True)
-    for agent in range(mission.agents):
-        credentials.save_login(agent, login_folder / f"{_name(agent)}.json")
     recorder = Recorder(mission) if trajectory else None
     with leave_when_asked() as leave:
         try:
@@ -324,31 +328,20 @@ def serve_world(
         return flown, save_path(recorder, trajectory)
 
 
-def _login(file: Path) -> Login:
-    try:
-        return Login.from_json(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunBroken(f"{file}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # UnicodeDecodeError is one
-        text = "is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
-        raise RunBroken(f"{file}: {text}") from None
-
-
 def fly_agent(
-    agent: int, endpoint: str, login_file: Path, on_ready: Callable[[float], None] = lambda seconds: None
+    login: Login, endpoint: str, on_ready: Callable[[float], None] = lambda seconds: None
 ) -> Ending:
     """Be one drone alone, as on its companion computer; return why the flight ended.
 
     Raises:
-        RunBroken: no world there, the login is refused or unreadable, or the world fell silent.
+        RunBroken: no world there, the login is refused, or the world fell silent.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
-    login = _login(login_file)
     rehearse(parse_mission({"agents": 4}))  # who leaves before this is done has nothing to lose
     try:
         with leave_when_asked() as leave, AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             on_ready(time.time() - psutil.Process().create_time())
-            reason = fly(link, agent, lambda: leave.asked)
+            reason = fly(link, login.agent, lambda: leave.asked)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:
@@ -356,5 +349,5 @@ def fly_agent(
             return Ending.ASKED_TO_LEAVE
         raise RunBroken(str(error)) from None
     if reason is Ending.WORLD_SILENT:
-        raise RunBroken(f"agent {agent}: {reason}")
+        raise RunBroken(f"agent {login.agent}: {reason}")
     return reason

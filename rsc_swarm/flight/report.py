@@ -4,7 +4,7 @@ Every field says what it means; docs/report.md is made from here (``rsc-swarm sc
 """
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -17,7 +17,8 @@ from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.provenance import Provenance, provenance
 from world.outcome import Flown, Outcome
 
-Failure = Literal["collision", "late", "broken-invariant", "all-lost", "interrupted"]
+Failure = Literal["collision", "late", "all-lost", "broken", "interrupted"]
+_NAMED = 3  # drones that were struck off, in the sentence about it
 
 
 class _Part(BaseModel):
@@ -46,6 +47,14 @@ class FrameCounts(_Part):
     held_back: int = Field(description="frames delayed behind later ones")
     doubled: int = Field(description="frames that arrived twice")
     rejected: dict[str, int] = Field(description="frames that drones refused to believe, by reason")
+
+
+class StruckOff(_Part):
+    """A drone that was lost without the mission's doing, or whose account of itself could not be true; the others flew on."""
+
+    agent: int
+    at_s: float
+    why: str
 
 
 class SwapTotals(_Part):
@@ -85,8 +94,19 @@ class FlightReport(_Part):
     success: bool = Field(
         description="every drone passed the goal line and every obstacle, in formation, in time"
     )
-    failure: Failure | None = Field(description="null after a success; else what ended the flight")
+    failure: Failure | None = Field(
+        description="null after a success; else what ended the flight; broken: the run says nothing about the controller"
+    )
     detail: str = Field(description="the outcome as a sentence: who, where, when")
+    struck_off: tuple[StruckOff, ...] = Field(
+        description="drones taken out of the flight without the mission's doing (agent, at_s, why); they break the run"
+    )
+    rest_succeeded: bool | None = Field(
+        description="in a run that broke: whether those who were left succeeded; else null"
+    )
+    rest_failure: str | None = Field(
+        description="in a run that broke: what else ended the flight of those who were left"
+    )
     tau_s: float | None = Field(description="time of success; null if there was none")
     formed_s: float | None = Field(
         description="when the formation first stood, wherever that was; null if never"
@@ -150,6 +170,7 @@ def report_of(
     return FlightReport.model_validate(
         {
             **asdict(outcome),
+            "struck_off": [drone._asdict() for drone in outcome.struck_off],
             "detail": describe(outcome, mission, flown.watched.breach),
             "min_distance_m": nearest if math.isfinite(nearest) else None,
             "time_s": round(outcome.ticks * TICK_S, 2),
@@ -188,13 +209,28 @@ def _frames(flown: Flown) -> dict[str, Any]:
 
 def describe(outcome: Outcome, mission: Mission, breach: str | None = None) -> str:
     """How the flight ended, as a sentence."""
+    if outcome.failure == "broken":
+        return _describe_broken(outcome, mission, breach)
     if not outcome.success:
-        return describe_failure(outcome, mission, breach)
+        return describe_failure(outcome, mission)
     text = f"{_who(outcome, mission)} {_where(outcome, mission)} after {outcome.tau_s:.2f} s"
     if outcome.held_after_success is not None:
         kept = "and held it" if outcome.held_after_success else "but did not hold it"
         text += f" {kept} for {mission.hold_s:g} s more"
     return text
+
+
+def _describe_broken(outcome: Outcome, mission: Mission, breach: str | None) -> str:
+    """What broke the run, and how it ended for the others."""
+    reasons = [
+        f"agent {agent} was lost at t = {at_s:.2f} s without the mission's doing: {why}"
+        for agent, at_s, why in outcome.struck_off[:_NAMED]
+    ] or [breach or "an invariant of the slots broke"]
+    more = len(outcome.struck_off) - _NAMED
+    if more > 0:
+        reasons.append(f"and {more} more")
+    rest = replace(outcome, success=bool(outcome.rest_succeeded), failure=outcome.rest_failure)
+    return f"{'; '.join(reasons)}. Those who were left: {describe(rest, mission)}"
 
 
 def _who(outcome: Outcome, mission: Mission) -> str:
@@ -214,14 +250,12 @@ def _where(outcome: Outcome, mission: Mission) -> str:
     return f"{formation}beyond the goal line{'' if empty else ' and every obstacle'}"
 
 
-def describe_failure(outcome: Outcome, mission: Mission, breach: str | None = None) -> str:
+def describe_failure(outcome: Outcome, mission: Mission) -> str:
     """Why the flight failed, as a sentence: who, where, when."""
     when = f"{outcome.ticks * TICK_S:.2f} s"
     alone = mission.agents == 1
     if outcome.failure == "collision":
         return f"{outcome.min_distance_m:.2f} m between {outcome.closest}"
-    if outcome.failure == "broken-invariant":
-        return breach or f"an invariant of the slots broke at t = {when}"
     if outcome.failure == "all-lost":
         return f"{'the agent' if alone else 'every agent'} was lost by t = {when}"
     edges = "" if alone else f"worst edge error {outcome.max_edge_error:.0%}, "

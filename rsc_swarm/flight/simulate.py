@@ -62,6 +62,9 @@ class Simulation:
                 self._boots[row] += 1
                 self.agents.restart(row, self.clock, int(self._boots[row]))
 
+    def struck_off(self, row: int) -> None:
+        """It is asked no more, and that is all."""
+
     def ask(self, tick: int, inbox: Inbox) -> Answers:
         """Let every drone that is awake decide."""
         world, (start, arrived) = self.world, inbox

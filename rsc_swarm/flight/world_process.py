@@ -22,7 +22,8 @@ from rsc_swarm.flight.processes import launcher_died, leave_on_sigterm
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
-from world.server.link import Credentials, WorldLink
+from world.server.credentials import Credentials
+from world.server.link import WorldLink
 from world.server.ports import Lost
 from world.server.session import Clock, WorldServer
 

@@ -20,6 +20,8 @@ def render(report: FlightReport) -> RenderableType:
         verdict = Text.assemble(("SUCCESS", "bold green"), f": {report.detail}.")
     elif report.failure == "interrupted":
         verdict = Text.assemble(("STOPPED", "bold yellow"), f": {report.detail}.")
+    elif report.failure == "broken":
+        verdict = Text.assemble(("BROKEN", "bold red"), f": {report.detail}.")
     else:
         verdict = Text.assemble((f"FAILED ({report.failure})", "bold red"), f": {report.detail}.")
     lines: list[RenderableType] = [verdict]

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.status import SWAP_COUNTS
-from rsc_swarm.flight.report import describe_failure
+from rsc_swarm.flight.report import describe
 from rsc_swarm.study.finished import FinishedFlights
 from rsc_swarm.study.workers import Flight, Seeds, fly_all
 
@@ -253,5 +253,5 @@ def _failed(flight: Flight, mission: Mission) -> Failed:
         map=flight.map_seed,
         seed=flight.seed,
         failure=str(flight.outcome.failure),
-        detail=describe_failure(flight.outcome, mission),
+        detail=describe(flight.outcome, mission, flight.watched.breach),
     )

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from agent.radio.link import AgentLink
-from protocols.wire.keys import LinkError, Login
+from protocols.wire.keys import LinkError
+from protocols.wire.login import Login
 
 
 def test_who_waits_for_a_world_can_be_told_to_leave(tmp_path: Path) -> None:

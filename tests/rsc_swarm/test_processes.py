@@ -436,7 +436,8 @@ def test_a_frozen_drone_does_not_hold_up_the_world_and_hears_again_when_thawed(
     lines = tell(
         """
         from agent.radio.link import AgentLink
-        from world.server.link import Credentials, WorldLink
+        from world.server.credentials import Credentials
+        from world.server.link import WorldLink
 
         credentials = Credentials.fresh("wedge", 1)
 

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.mission.document import Mission, Obstacles
-from protocols.wire.keys import Login
-from rsc_swarm.flight.launch import RunBroken, fly_agent
+from protocols.wire.certificates import read_login
+from protocols.wire.login import Login
+from rsc_swarm.flight import key_files
 from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import summarise
@@ -104,8 +105,8 @@ def test_what_was_written_here_is_read(name: str, tmp_path: Path) -> None:
 @given(damaged(LOGIN))
 def test_a_login_is_one_or_it_is_refused(content: bytes) -> None:
     with suppress(ValueError):
-        login = Login.from_json(content.decode(errors="replace"))
-        assert Login.from_json(login.to_json()) == login
+        login = read_login(content.decode(errors="replace"))
+        assert read_login(login.to_json()) == login
         assert type(login.agent) is int
 
 
@@ -115,8 +116,8 @@ def test_a_login_is_one_or_it_is_refused(content: bytes) -> None:
 def test_a_login_file_that_is_none_is_named(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "agent-3.json"
     path.write_bytes(content)
-    with pytest.raises(RunBroken) as told:
-        fly_agent(3, "tcp/localhost:1", path)
+    with pytest.raises(key_files.KeyFileError) as told:
+        key_files.read_login(path, 3, "tcp/localhost:1", plain_text=False)
     assert str(told.value).startswith(f"{path}: ")
     assert "\n" not in str(told.value)
 

@@ -11,7 +11,7 @@ from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.report import FlightReport, describe, describe_failure, report_of
 from rsc_swarm.show.render import plain, render
 from rsc_swarm.show.report_schema import json_schema, markdown
-from world.outcome import Outcome
+from world.outcome import Outcome, StruckOff, as_broken
 
 SMALL = Mission(agents=4, map_seed=2)
 
@@ -90,7 +90,6 @@ def test_people_read_the_verdict_first_and_how_to_fly_it_again_last(report):
             "worst slot error 1.2 m, lost agents 2, 5 and 9",
         ),
         (ended("all-lost"), "every agent was lost by t = 7.31 s"),
-        (ended("broken-invariant"), "an invariant of the slots broke at t = 7.31 s"),
         (ended("interrupted"), "interrupted at t = 7.31 s: worst edge error 5%, worst slot error 1.2 m"),
     ],
 )
@@ -98,11 +97,30 @@ def test_a_failure_says_who_where_and_when(outcome, sentence):
     assert describe_failure(outcome, Mission(agents=12)) == sentence
 
 
-def test_a_broken_invariant_is_told_in_the_words_of_the_watch():
-    assert (
-        describe_failure(ended("broken-invariant"), Mission(), "permutation broken at tick 3")
-        == "permutation broken at tick 3"
+def test_a_run_that_broke_is_told_in_the_words_of_the_watch_and_is_neither_a_success_nor_a_failure():
+    broken = as_broken(ended(), (), "permutation broken at tick 3")
+    assert (broken.success, broken.failure, broken.rest_succeeded) == (False, "broken", True)
+    assert describe(broken, Mission(), "permutation broken at tick 3") == (
+        "permutation broken at tick 3. Those who were left: all 25 agents in formation beyond the goal line and every "
+        "obstacle after 7.31 s"
     )
+
+
+def test_whoever_was_struck_off_is_told_first_and_then_what_became_of_the_others():
+    struck = tuple(StruckOff(agent, 3.2, "its process (12) was ended by SIGKILL") for agent in range(5))
+    broken = as_broken(ended("late", lost_agents=(0, 1, 2, 3, 4)), struck, None)
+    assert (broken.rest_succeeded, broken.rest_failure, broken.struck_off) == (False, "late", struck)
+    text = describe(broken, Mission(agents=12))
+    assert text.startswith(
+        "agent 0 was lost at t = 3.20 s without the mission's doing: its process (12) was ended"
+    )
+    assert "agent 3 was lost" not in text
+    assert "; and 2 more. Those who were left: not in formation" in text
+
+
+def test_nothing_breaks_a_flight_that_was_stopped():
+    stopped = as_broken(ended("interrupted"), (StruckOff(3, 1.0, "shot"),), None)
+    assert (stopped.failure, stopped.struck_off) == ("interrupted", (StruckOff(3, 1.0, "shot"),))
 
 
 def test_a_success_says_who_is_missing_and_whether_it_held():

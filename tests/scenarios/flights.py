@@ -45,6 +45,7 @@ import json, sys
 from pathlib import Path
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.launch import RunBroken, launch
+from rsc_swarm.flight.report import describe
 
 fields, here = json.loads(sys.argv[1])
 def show(picture):
@@ -57,6 +58,9 @@ except RunBroken as error:
 except KeyboardInterrupt:
     sys.exit(130)
 outcome = flown.outcome
+if outcome.failure == "broken":
+    print(f"broken: {describe(outcome, parse_mission(fields))}", flush=True)
+    sys.exit(3)
 print(json.dumps({"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure, "digest": outcome.digest}))
 sys.exit(130 if outcome.failure == "interrupted" else 0)
 """

@@ -15,6 +15,7 @@ from tests.scenarios.flights import Fields, Launcher
 
 # Never at its goal, so that it is in the air whenever the test strikes.
 ENDLESS: Fields = {"agents": 6, "goal_x_m": 1e6, "fly_s": 3600, "obstacles": {"discs": []}}
+LONG: Fields = {**ENDLESS, "fly_s": 10}
 NOTHING_LEFT_S = 2.0
 
 
@@ -36,20 +37,23 @@ def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Field
 
 
 def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fields], Launcher]) -> None:
-    flight = launch(ENDLESS)
+    """... and the others fly on to the end."""
+    flight = launch(LONG)
     pid = flight.children["agent-4"].pid
     flight.hit("agent-4")
     code, said = flight.end(within_s=20)
     assert code == 3
     assert re.fullmatch(
-        rf"broken: agent 4 was lost at t = [\d.]+ s: its process \({pid}\) was ended by SIGKILL", said[-1]
+        rf"broken: agent 4 was lost at t = [\d.]+ s without the mission's doing: its process \({pid}\) was ended by SIGKILL. "
+        r"Those who were left: not in formation beyond the goal line within 10.00 s: .*, lost agent 4",
+        said[-1],
     )
     assert flight.is_gone_within(NOTHING_LEFT_S)
     assert (flight.here / "run" / "trajectory.npz").is_file()
 
 
 def test_a_drone_that_somebody_asks_to_leave_breaks_the_run_too(launch: Callable[[Fields], Launcher]) -> None:
-    flight = launch(ENDLESS)
+    flight = launch(LONG)
     flight.hit("agent-0", signal.SIGTERM)
     code, said = flight.end(within_s=20)
     assert (code, "agent 0 was lost" in said[-1], "ended with exit code 0" in said[-1]) == (3, True, True)

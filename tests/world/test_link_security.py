@@ -1,15 +1,17 @@
 """What an agent with a valid login can hear and say: its own two keys, and nothing else, however it asks.
 
+Over a Unix socket, where a password says who one is, and over TLS, where a certificate must say the same.
 An intruder here is a bare Zenoh session with an agent's true login that does not keep to the rules. Every
 "nothing is heard" is followed by something that is, on the same path: silence is never mistaken for slowness.
 """
 
 import json
 import socket
-import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +20,18 @@ import zenoh
 
 from agent.radio.link import AgentLink
 from protocols.wire import keys
-from protocols.wire.keys import LinkError, Login
+from protocols.wire.endpoints import is_secret
+from protocols.wire.keys import LinkError
+from protocols.wire.login import Login
+from protocols.wire.transport import secret
 from world.server import link as link_module
-from world.server.link import Credentials, WorldLink
+from world.server.credentials import Credentials, make_keys
+from world.server.link import WorldLink
 
 SWARM = "wedge"
 PATIENCE_S = 3.0
-CREDENTIALS = Credentials.fresh(SWARM, 3)
+CREDENTIALS, LOGINS = make_keys(SWARM, 3, ["127.0.0.1"], 1, datetime.now(UTC))
+EVERYWHERE = pytest.mark.parametrize("endpoint", ["unixsock-stream", "tls", "quic"], indirect=True)
 OTHERS_VOICES = (
     keys.tx(SWARM, 0),
     keys.tx(SWARM, 2),
@@ -45,9 +52,12 @@ OTHERS_EARS = (
 )
 
 
-@pytest.fixture
-def endpoint(tmp_path: Path) -> str:
-    return f"unixsock-stream/{tmp_path}/world.sock"
+@pytest.fixture(params=["unixsock-stream", "tls"])
+def endpoint(tmp_path: Path, request: pytest.FixtureRequest) -> str:
+    if request.param == "unixsock-stream":
+        return f"unixsock-stream/{tmp_path}/world.sock"
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"{request.param}/127.0.0.1:{free.getsockname()[1]}"
 
 
 @pytest.fixture
@@ -70,6 +80,8 @@ def intruder(endpoint: str, login: Login | None, mode: str = "client") -> Iterat
     if login is not None:
         settings["transport/auth/usrpwd/user"] = keys.user(login.agent)
         settings["transport/auth/usrpwd/password"] = login.password
+        if is_secret(endpoint) and login.certificates:
+            settings |= secret(login.certificates, "connect")
     config = zenoh.Config()
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
@@ -106,7 +118,7 @@ def drain(subscriber: Any, until: bytes | None = None) -> list[tuple[str, bytes]
 
 def test_a_thousand_messages_go_both_ways_in_order_and_none_is_lost(world: WorldLink, endpoint: str) -> None:
     in_flight = 8
-    with AgentLink(endpoint, CREDENTIALS.login(1)) as agent:
+    with AgentLink(endpoint, LOGINS[1]) as agent:
         for k in range(1000 + in_flight):
             if k < 1000:
                 agent.send(b"up %d" % k)
@@ -120,23 +132,31 @@ def test_a_thousand_messages_go_both_ways_in_order_and_none_is_lost(world: World
 
 def test_the_first_words_of_every_agent_and_the_first_answer_arrive(world: WorldLink, endpoint: str) -> None:
     for k in range(20):
-        with AgentLink(endpoint, CREDENTIALS.login(k % 3)) as agent:
+        with AgentLink(endpoint, LOGINS[k % 3]) as agent:
             agent.send(b"here I am")
             assert world.receive(PATIENCE_S) == (k % 3, b"here I am")
             world.send(k % 3, b"I see you")
             assert agent.receive(PATIENCE_S) == b"I see you"
 
 
-def test_agents_may_also_come_over_tcp(endpoint: str) -> None:
+@EVERYWHERE
+def test_agents_may_come_by_several_ways(endpoint: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         tcp = f"tcp/127.0.0.1:{free.getsockname()[1]}"
-    with WorldLink(CREDENTIALS, [endpoint, tcp]) as world, AgentLink(tcp, CREDENTIALS.login(2)) as agent:
-        agent.send(b"from afar")
-        assert world.receive(PATIENCE_S) == (2, b"from afar")
+    with (
+        WorldLink(CREDENTIALS, [endpoint, tcp]) as world,
+        AgentLink(tcp, LOGINS[2]) as one,
+        AgentLink(endpoint, LOGINS[1]) as other,
+    ):
+        for number, agent in ((2, one), (1, other)):
+            agent.send(b"from afar")
+            assert world.receive(PATIENCE_S) == (number, b"from afar")
+            world.send(number, b"welcome")
+            assert agent.receive(PATIENCE_S) == b"welcome"
 
 
 def test_waiting_for_a_message_takes_as_long_as_asked(world: WorldLink, endpoint: str) -> None:
-    with AgentLink(endpoint, CREDENTIALS.login(0)) as agent:
+    with AgentLink(endpoint, LOGINS[0]) as agent:
         for receive in (world.receive, agent.receive):
             started = time.monotonic()
             assert receive(0.05) is None
@@ -145,7 +165,7 @@ def test_waiting_for_a_message_takes_as_long_as_asked(world: WorldLink, endpoint
 
 @pytest.mark.parametrize("mode", ["client", "peer", "router"])
 def test_nobody_speaks_in_anothers_name(world: WorldLink, endpoint: str, mode: str) -> None:
-    with intruder(endpoint, CREDENTIALS.login(1), mode) as session:
+    with intruder(endpoint, LOGINS[1], mode) as session:
         speak(world, session, 1, b"honest")
         for key in OTHERS_VOICES:
             session.put(key, b"spoofed")
@@ -157,8 +177,8 @@ def test_nobody_speaks_in_anothers_name(world: WorldLink, endpoint: str, mode: s
 
 def test_nobody_speaks_to_an_agent_in_the_worlds_name(world: WorldLink, endpoint: str) -> None:
     with (
-        AgentLink(endpoint, CREDENTIALS.login(0)) as victim,
-        intruder(endpoint, CREDENTIALS.login(1)) as session,
+        AgentLink(endpoint, LOGINS[0]) as victim,
+        intruder(endpoint, LOGINS[1]) as session,
     ):
         for key in (keys.rx(SWARM, 0), f"{SWARM}/rx/*", f"{SWARM}/**", "**"):
             session.put(key, b"forged")
@@ -180,8 +200,8 @@ def test_each_of_two_locks_alone_keeps_an_agent_from_hearing_another(
     """With the other one open: what an agent may subscribe to, and what the world's router may put to it."""
     locks = link_module._access_control
 
-    def one_open(swarm: str, agents: int) -> dict[str, Any]:
-        control = locks(swarm, agents)
+    def one_open(swarm: str, agents: int, certified: bool) -> dict[str, Any]:
+        control = locks(swarm, agents, certified)
         for rule in control["rules"]:
             if rule["id"].startswith(("listens", "hears")) and not rule["id"].startswith(lock):
                 rule["key_exprs"] = [f"{swarm}/**"]
@@ -193,7 +213,7 @@ def test_each_of_two_locks_alone_keeps_an_agent_from_hearing_another(
 
 
 def test_a_message_longer_than_the_transport_carries_arrives_whole(world: WorldLink, endpoint: str) -> None:
-    with AgentLink(endpoint, CREDENTIALS.login(1)) as agent:
+    with AgentLink(endpoint, LOGINS[1]) as agent:
         for size in (0, 65_000, 65_536, 300_000):
             message = bytes(index % 251 for index in range(size))
             world.send(1, message)
@@ -203,8 +223,8 @@ def test_a_message_longer_than_the_transport_carries_arrives_whole(world: WorldL
 def assert_deaf(world: WorldLink, endpoint: str, mode: str) -> None:
     """Agent 1, who does not keep to the rules, hears nothing that is meant for, or said by, agent 0."""
     with (
-        AgentLink(endpoint, CREDENTIALS.login(0)) as victim,
-        intruder(endpoint, CREDENTIALS.login(1), mode) as session,
+        AgentLink(endpoint, LOGINS[0]) as victim,
+        intruder(endpoint, LOGINS[1], mode) as session,
     ):
         own = session.declare_subscriber(keys.rx(SWARM, 1))
         ears = [session.declare_subscriber(key) for key in OTHERS_EARS]
@@ -221,7 +241,7 @@ def assert_deaf(world: WorldLink, endpoint: str, mode: str) -> None:
 
 
 def test_queries_and_liveliness_find_out_nothing(world: WorldLink, endpoint: str) -> None:
-    with AgentLink(endpoint, CREDENTIALS.login(0)), intruder(endpoint, CREDENTIALS.login(1)) as session:
+    with AgentLink(endpoint, LOGINS[0]), intruder(endpoint, LOGINS[1]) as session:
         for selector in (keys.rx(SWARM, 0), "**", "@/**"):
             replies = [reply.ok for reply in session.get(selector, timeout=0.2)]
             about_itself = f"@/{session.zid()}/"
@@ -234,8 +254,8 @@ def test_queries_and_liveliness_find_out_nothing(world: WorldLink, endpoint: str
 
 def test_two_agents_find_no_side_door_to_each_other(world: WorldLink, endpoint: str) -> None:
     with (
-        intruder(endpoint, CREDENTIALS.login(0)) as one,
-        intruder(endpoint, CREDENTIALS.login(1)) as two,
+        intruder(endpoint, LOGINS[0]) as one,
+        intruder(endpoint, LOGINS[1]) as two,
     ):
         own = two.declare_subscriber(keys.rx(SWARM, 1))
         ears = [two.declare_subscriber(key) for key in ("side/door", "**", "@side/door")]
@@ -266,7 +286,7 @@ def test_two_agents_find_no_side_door_to_each_other(world: WorldLink, endpoint: 
 )
 def test_a_wrong_login_does_not_get_in(world: WorldLink, endpoint: str, wrong: dict[str, Any]) -> None:
     with pytest.raises(LinkError, match="use the login that this launch of the world made") as caught:
-        AgentLink(endpoint, CREDENTIALS.login(0)._replace(**wrong), connect_timeout_s=0.3)
+        AgentLink(endpoint, replace(LOGINS[0], **wrong), connect_timeout_s=0.3)
     assert "\n" not in str(caught.value)
 
 
@@ -277,7 +297,7 @@ def test_without_a_login_nobody_gets_in(world: WorldLink, endpoint: str) -> None
 
 def test_a_world_that_is_not_there_is_named_as_the_trouble(endpoint: str) -> None:
     with pytest.raises(LinkError, match=r"no world answers at .* within 0.2 s: start"):
-        AgentLink(endpoint, CREDENTIALS.login(0), connect_timeout_s=0.2)
+        AgentLink(endpoint, LOGINS[0], connect_timeout_s=0.2)
 
 
 @pytest.mark.parametrize(
@@ -301,16 +321,6 @@ def test_a_bad_endpoint_is_one_clear_line(endpoints: list[str], trouble: str) ->
 def test_two_worlds_cannot_share_a_socket(world: WorldLink, endpoint: str) -> None:
     with pytest.raises(LinkError, match="cannot listen"):
         WorldLink(CREDENTIALS, [endpoint])
-
-
-def test_a_login_travels_as_a_file_only_its_owner_can_read(tmp_path: Path) -> None:
-    path = tmp_path / "agent-2.json"
-    path.write_text("an older one, readable by all")
-    CREDENTIALS.save_login(2, path)
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert Login.from_json(path.read_text()) == CREDENTIALS.login(2)
-    with pytest.raises(ValueError, match="not an agent's login"):
-        Login.from_json('{"swarm": "wedge"}')
 
 
 def test_every_launch_has_fresh_passwords() -> None:

@@ -1,6 +1,7 @@
 """The world's end of the wire: the Zenoh router of a run, through which every agent hears and speaks.
 
-- The router knows one login per agent, made fresh for each launch, and denies by default. Agent ``i`` may put
+- The router knows one login per agent and denies by default. On ``tls`` and ``quic`` an agent must also show the certificate
+  that has its name. Agent ``i`` may put
   on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
 - Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent.
 - ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It would wait for an agent
@@ -12,52 +13,49 @@ import json
 import os
 import queue
 import re
-import secrets
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from datetime import UTC, datetime
+from typing import Any
 
 import zenoh
 
+from protocols.closing import Closing
+from protocols.open_files import allow_open_files
 from protocols.wire import keys, pieces
-from protocols.wire.keys import LinkError, Login
+from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
+from protocols.wire.keys import LinkError
+from protocols.wire.transport import COMMON, secret
+from world.server.credentials import Credentials
+
+_FILES = 60  # what Zenoh opens beside one socket per agent
 
 
-class Credentials(NamedTuple):
-    """The logins of one launch: ``passwords[i]`` is agent ``i``'s."""
+def _check_endpoints(credentials: Credentials, endpoints: Sequence[str]) -> None:
+    """Raises LinkError if a world with these credentials should not listen there."""
+    if not endpoints:
+        raise LinkError(
+            "the world has no endpoint to listen on: give at least one, for example tls/10.0.0.1:7447 or tcp/127.0.0.1:7447"
+        )
+    for endpoint in filter(is_secret, endpoints):
+        if credentials.certificates is None:
+            raise LinkError(
+                f"the world has no certificate for {endpoint}: make keys once with 'rsc-swarm keys', and give them with --keys"
+            )
+        from protocols.wire.certificates import refuse_other_address, refuse_out_of_date  # loaded only here
 
-    swarm: str
-    passwords: tuple[str, ...]
-
-    @staticmethod
-    def fresh(swarm: str, agents: int) -> "Credentials":
-        """New passwords for agents 0 to ``agents - 1``, from the operating system's randomness."""
-        if not 1 <= agents <= keys.MAX_AGENTS:
-            raise ValueError(f"a swarm has 1 to {keys.MAX_AGENTS} agents, not {agents}")
-        return Credentials(keys.checked_swarm(swarm), tuple(secrets.token_urlsafe(24) for _ in range(agents)))
-
-    def login(self, agent: int) -> Login:
-        return Login(self.swarm, agent, self.passwords[agent])
-
-    def save_login(self, agent: int, path: Path) -> None:
-        """Write the login of one agent as a JSON file only its owner can read, for another machine."""
-        _write_private(path, self.login(agent).to_json())
-
-    def dictionary(self) -> str:
-        """The router's list of logins, one ``user:password`` per line."""
-        return "".join(f"{keys.user(agent)}:{word}\n" for agent, word in enumerate(self.passwords))
+        try:
+            refuse_out_of_date(credentials.certificates, datetime.now(UTC))
+            if (host := split(endpoint)[1]) not in ANYWHERE:
+                refuse_other_address(credentials.certificates, host)
+        except ValueError as error:
+            raise LinkError(f"the world: {error}") from None
 
 
-def _write_private(path: Path, text: str) -> None:
-    path.unlink(missing_ok=True)
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-        file.write(text)
+def _access_control(swarm: str, agents: int, certified: bool = False) -> dict[str, Any]:
+    """Default deny; each agent its own two keys.
 
-
-def _access_control(swarm: str, agents: int) -> dict[str, Any]:
-    """Default deny; each agent its own two keys."""
+    certified: there are ``tls`` or ``quic`` endpoints. There an agent is who both its password and its certificate name.
+    """
 
     def rule(name: str, message: str, flow: str, key: str) -> dict[str, Any]:
         return {
@@ -80,11 +78,12 @@ def _access_control(swarm: str, agents: int) -> dict[str, Any]:
             rule(f"listens-{agent}", "declare_subscriber", "ingress", rx),
             rule(f"hears-{agent}", "put", "egress", rx),
         ]
-        subjects.append({"id": keys.user(agent), "usernames": [keys.user(agent)]})
+        known = _known(keys.user(agent), certified)
+        subjects += known
         policies.append(
             {
                 "rules": ["world-hears", f"speaks-{agent}", f"listens-{agent}", f"hears-{agent}"],
-                "subjects": [keys.user(agent)],
+                "subjects": [subject["id"] for subject in known],
             }
         )
     return {
@@ -96,53 +95,60 @@ def _access_control(swarm: str, agents: int) -> dict[str, Any]:
     }
 
 
+def _known(user: str, certified: bool) -> list[dict[str, Any]]:
+    """By what an agent is known, on each kind of link."""
+    plain = {"id": user, "usernames": [user]}
+    if not certified:
+        return [plain]
+    return [
+        plain | {"link_protocols": PLAIN},
+        plain | {"id": f"{user}-certified", "cert_common_names": [user], "link_protocols": SECRET},
+    ]
+
+
 def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Session:
-    if not endpoints:
-        raise LinkError(
-            "the world has no endpoint to listen on: give at least one, for example tcp/0.0.0.0:7447"
-        )
+    certified = any(map(is_secret, endpoints))
     settings: dict[str, Any] = {
         "mode": "router",
-        "listen/endpoints": [keys.checked_endpoint(endpoint) for endpoint in endpoints],
+        "listen/endpoints": list(endpoints),
         "listen/exit_on_failure": True,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
         "scouting/delay": 0,  # nobody is scouted, so nobody is waited for
-        "timestamping/enabled": False,
-        "transport/unicast/qos/enabled": False,
-        "transport/unicast/lowlatency": True,
-        "transport/link/tx/lease": keys.LEASE_MS,
-        "transport/shared_memory/enabled": False,  # no gain at these sizes
+        **COMMON,
         "transport/unicast/accept_pending": 2 * keys.MAX_AGENTS,  # a whole swarm may knock at once
         "transport/unicast/max_sessions": 4 * keys.MAX_AGENTS,
-        "access_control": _access_control(credentials.swarm, len(credentials.passwords)),
+        "access_control": _access_control(credentials.swarm, len(credentials.passwords), certified),
     }
-    # The router reads the list of logins while it opens; afterwards no password is left on the disk.
-    with tempfile.TemporaryDirectory(prefix="rsc-swarm-logins-") as private:
-        dictionary = Path(private) / "logins"
-        _write_private(dictionary, credentials.dictionary())
-        settings["transport/auth/usrpwd/dictionary_file"] = str(dictionary)
-        try:
-            config = zenoh.Config()
-            for name, value in settings.items():
-                config.insert_json5(name, json.dumps(value))
-            return zenoh.open(config)
-        except zenoh.ZError as error:
-            reason = re.sub(r" at /\S*\.rs:\d+\.?", "", str(error))
-            raise LinkError(
-                f"cannot listen on {', '.join(endpoints)}: {reason}. "
-                "Give unixsock-stream//folder/world.sock with an existing folder, "
-                "or tcp/ADDRESS:PORT with an address of this machine and a free port"
-            ) from error
+    if credentials.certificates and certified:
+        settings |= secret(credentials.certificates, "listen")
+    # The router reads the list of logins, from a file only, while it opens; this file is in memory, on no disk.
+    dictionary = os.memfd_create("logins")
+    try:
+        os.write(dictionary, credentials.dictionary().encode())
+        settings["transport/auth/usrpwd/dictionary_file"] = f"/proc/self/fd/{dictionary}"
+        config = zenoh.Config()
+        for name, value in settings.items():
+            config.insert_json5(name, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        reason = re.sub(r" at /\S*\.rs:\d+\.?", "", str(error))
+        raise LinkError(
+            f"cannot listen on {', '.join(endpoints)}: {reason}. "
+            "Give unixsock-stream//folder/world.sock with an existing folder, "
+            "or tls/ADDRESS:PORT or tcp/ADDRESS:PORT with an address of this machine and a free port"
+        ) from error
+    finally:
+        os.close(dictionary)
 
 
-class WorldLink:
+class WorldLink(Closing):
     """The open router. ``endpoints`` say where agents connect, e.g. ``unixsock-stream//run/x/world.sock``.
 
     Raises LinkError when it cannot listen there.
     """
 
     def __init__(self, credentials: Credentials, endpoints: Sequence[str]) -> None:
+        _check_endpoints(credentials, endpoints)
+        allow_open_files(len(credentials.passwords) + _FILES)
         swarm, agents = credentials.swarm, range(len(credentials.passwords))
         self._agent_of_key = {keys.tx(swarm, agent): agent for agent in agents}
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
@@ -179,11 +185,3 @@ class WorldLink:
     def close(self) -> None:
         if not self._session.is_closed():
             self._session.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -1,19 +1,20 @@
 """The world as a process: WorldCore behind a Zenoh router, one tick after the other.
 
 lockstep  sends tick k to every drone that answers, waits for all answers, moves on: as fast as the machine allows, and
-          repeatable. It waits as long as it takes for a drone whose process is stopped.
+          repeatable. It waits as long as it takes for a drone whose process is stopped, for others as world.server.patience says.
 realtime  ticks on the wall clock; an answer that is late counts as a deadline miss, and the drone keeps its last command
           for a little, then coasts.
 
-A drone that is lost without the mission's doing breaks the run: its process ended, or it has not answered for `PATIENCE_S`
-(realtime: `_LATE_S`). All patience is counted in the world's own running time, so no pause of the machine, the world or the whole
-launch loses anybody. Whoever runs the flight hands in a `Control`: the launcher's end of a pipe, or nobody.
+A drone that is lost without the mission's doing breaks the run: its process ended, or it has not answered for too long
+(realtime: `_LATE_S`). In flight it is struck off, and the others fly on to the end. All patience is counted in the world's own
+running time, so no pause of the machine, the world or the whole launch loses anybody. Whoever runs the flight hands in a
+`Control`: the launcher's end of a pipe, or nobody.
 """
 
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,19 +22,6 @@ from protocols.dynamics import TICK_S
 from protocols.errors import BrokenError
 from protocols.mission.document import Mission
 from protocols.wire import messages
-from protocols.wire.messages import (
-    Bye,
-    Farewell,
-    FromWorld,
-    Hello,
-    MessageError,
-    Ready,
-    Refused,
-    Reply,
-    Tick,
-    Wait,
-    Welcome,
-)
 from protocols.wire.sensed import SensedPacker
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
@@ -41,12 +29,12 @@ from world.director import Director
 from world.faults import Event
 from world.outcome import Flown
 from world.outlets.snapshot import snapshot
+from world.server.patience import Patience
 from world.server.peer import BACKLOG, Peer
 from world.server.ports import Control, Link, Lost
 from world.server.running_time import RunningTime
 
 Clock = Literal["lockstep", "realtime"]
-PATIENCE_S = 90.0  # for one answer in lockstep: longer than a pause that nobody told the world of
 _LATE_S = 5.0  # for one answer in real time
 _FAREWELL_S, _HASTY_FAREWELL_S = 5.0, 0.5
 _SNAPSHOT_S = 0.125
@@ -94,7 +82,7 @@ class WorldServer:
         self._farewells: dict[int, AgentStatus] = {}
         self._refused: set[int] = set()
         self._now = 0  # the tick
-        self._time = RunningTime()
+        self._time, self._patience = RunningTime(), Patience(agents)
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
         self._misses = 0
         self._told = self._told_bytes = self._heard_bytes = 0
@@ -103,7 +91,7 @@ class WorldServer:
         """Gather the drones, fly to the end, say goodbye.
 
         Raises:
-            ServerError: drones are missing at the start, or one was lost without the mission's doing.
+            ServerError: drones are missing at the start, or one was lost before it.
         """
         try:
             self._gather()
@@ -160,12 +148,13 @@ class WorldServer:
                 ].answered  # what it was asked before, nobody will answer
         self._control.apply(event.fault.kind, event.agents)
 
-    def ask(self, tick: int, inbox: Inbox) -> Answers | None:
-        """What the drones answer to this tick; None if the world is asked to leave.
+    def struck_off(self, row: int) -> None:
+        """It is over for this drone: it is told so, and whoever runs its process ends it."""
+        self._send(row, messages.Bye())
+        self._control.apply("kill", (row,))
 
-        Raises:
-            ServerError: a drone was lost.
-        """
+    def ask(self, tick: int, inbox: Inbox) -> Answers | None:
+        """What the drones answer to this tick; None if the world is asked to leave."""
         self._now = tick
         self._accounts.clear()
         self._sent_bytes[:] = 0
@@ -196,12 +185,12 @@ class WorldServer:
 
     # What the world says.
 
-    def _send(self, agent: int, message: FromWorld) -> None:
+    def _send(self, agent: int, message: messages.FromWorld) -> None:
         self._link.send(agent, messages.pack(message))
 
     def _say_bye(self) -> None:
         for agent in range(self._mission.agents):
-            self._send(agent, Bye())
+            self._send(agent, messages.Bye())
 
     def _say_tick(self, tick: int, awake: list[int], inbox: Inbox) -> None:
         ring, frames, now = self.core.ring, self._frames, self._time.now()
@@ -213,7 +202,9 @@ class WorldServer:
                 continue
             first, end = bounds[agent], bounds[agent + 1]
             message = messages.pack(
-                Tick(tick, peer.answered, self._sensors.pack(agent), sources[first:end], payloads[first:end])
+                messages.Tick(
+                    tick, peer.answered, self._sensors.pack(agent), sources[first:end], payloads[first:end]
+                )
             )
             peer.ask(tick, message, now)
             self._told += 1
@@ -225,21 +216,31 @@ class WorldServer:
     def _await(self, awake: list[int], done: Callable[[Peer], bool]) -> bool:
         """Receive until every awake drone is done; False when the world is asked to leave instead."""
         waiting = {agent for agent in awake if not done(self.peers[agent])}
-        since = dict.fromkeys(waiting, self._time.now())
+        self._patience.begin(waiting, len(awake) > 1, self._time.now())
         while waiting:
-            heard = self._receive(messages.WAIT_EVERY_S)
+            heard, now = self._receive(messages.WAIT_EVERY_S), self._time.now()
             if heard is not None and heard in waiting and done(self.peers[heard]):
                 waiting.discard(heard)
-            if (now := self._time.now()) >= self._look_at:
+                if len(waiting) < 2:
+                    self._patience.left(waiting, now)
+            if now >= self._look_at:
                 self._look(now)
-                for agent in waiting:
-                    if self._control.paused(agent):
-                        since[agent] = now
-                    elif now - since[agent] > PATIENCE_S:
-                        self._lose(Lost(agent, f"it has not answered for {PATIENCE_S:g} s"))
+                waiting = self._look_at_late(waiting, now)
             if self._control.leaving():
                 return False
         return True
+
+    def _look_at_late(self, waiting: set[int], now: float) -> set[int]:
+        """Lose those for whom patience is over; who of ``waiting`` is still awaited."""
+        for agent in waiting:
+            if self._control.paused(agent):
+                self._patience.pause(agent, now)
+            elif why := self._patience.over(agent, now, now - self._started):
+                self._lose(Lost(agent, why))
+        left = {agent for agent in waiting if self.core.flying[0, agent]}
+        if left != waiting and len(left) < 2:
+            self._patience.left(left, now)
+        return left
 
     def _keep_time(self, awake: list[int], tick: int) -> bool:
         """Receive until the clock says that the tick is over, and count who has not answered it; as `_await`."""
@@ -265,16 +266,25 @@ class WorldServer:
         self._check_lost()
         for agent in np.flatnonzero(self.core.flying[0]).tolist():
             if self.peers[agent].wait(now_s):
-                self._send(agent, Wait())
+                self._send(agent, messages.Wait())
 
     def _check_lost(self) -> None:
         lost = [lost for lost in self._control.lost() if self.core.flying[0, lost.agent]]
         if lost:
             self._lose(*lost)
 
-    def _lose(self, *lost: Lost) -> NoReturn:
-        when = f"at t = {self._now * TICK_S:.2f} s" if self._started else "before the flight began"
-        raise ServerError("; ".join(f"agent {agent} was lost {when}: {why}" for agent, why in lost))
+    def _lose(self, *lost: Lost) -> None:
+        """Drones were lost without the mission's doing.
+
+        Raises:
+            ServerError: the flight has not begun.
+        """
+        if not self._started:
+            raise ServerError(
+                "; ".join(f"agent {agent} was lost before the flight began: {why}" for agent, why in lost)
+            )
+        for agent, why in lost:
+            self.director.strike_off(agent, why)
 
     # What the drones say.
 
@@ -286,48 +296,52 @@ class WorldServer:
         agent, data = received
         try:
             message = messages.unpack_from_drone(data, self._mission.agents)
-        except MessageError:
+        except messages.MessageError:
             return None
         peer = self.peers[agent]
-        if isinstance(message, Hello):
+        if isinstance(message, messages.Hello):
             self._greet(agent, peer, message)
             return agent
         if message.process != peer.process:
             if peer.process is not None:
                 self._refuse(agent, message.process)
             else:
-                self._send(agent, Refused(message.process, _UNKNOWN))
+                self._send(agent, messages.Refused(message.process, _UNKNOWN))
             return None
         rival = peer.heard()
         if rival is not None:
             self._refuse(agent, rival)
-        if isinstance(message, Reply):
+        if isinstance(message, messages.Reply):
             self._heard_bytes += len(data)
             self._take_reply(agent, peer, message)
-        elif isinstance(message, Ready):
+        elif isinstance(message, messages.Ready):
             self._take_ready(agent, peer)
-        elif isinstance(message, Farewell):
+        elif isinstance(message, messages.Farewell):
             self._farewells[agent] = message.status
         return agent
 
-    def _greet(self, agent: int, peer: Peer, hello: Hello) -> None:
+    def _greet(self, agent: int, peer: Peer, hello: messages.Hello) -> None:
         if hello.version != messages.VERSION:
             wrong = (
                 f"agent {agent} speaks version {hello.version} of the messages, the world {messages.VERSION}"
             )
-            self._send(agent, Refused(hello.process, wrong))
+            self._send(agent, messages.Refused(hello.process, wrong))
             if not self._started:
                 raise ServerError(wrong)  # no single drone ends a flight that has begun
         elif not self.core.flying[0, agent]:
-            self._send(agent, Bye())
+            self._send(agent, messages.Bye())
         elif peer.knock(hello.process, self._time.now(), self._control.paused(agent)) and not peer.ready:
-            self._send(agent, Welcome(hello.process, self._mission_fields, self._initial_slots, peer.boot))
+            if peer.boot:
+                self.director.invariants[0].renew(agent)
+            self._send(
+                agent, messages.Welcome(hello.process, self._mission_fields, self._initial_slots, peer.boot)
+            )
 
     def _refuse(self, agent: int, process: int) -> None:
         why = (
             f"another process flies as agent {agent} already: end it first, or use the login of another agent"
         )
-        self._send(agent, Refused(process, why))
+        self._send(agent, messages.Refused(process, why))
         if process not in self._refused and len(self._refused) < self._mission.agents:
             self._refused.add(process)
             print(f"world: a second process with the login of agent {agent} was refused", file=sys.stderr)
@@ -342,7 +356,7 @@ class WorldServer:
         elif peer.ask_again(self._time.now()):
             self._link.send(agent, peer.question)
 
-    def _take_reply(self, agent: int, peer: Peer, reply: Reply) -> None:
+    def _take_reply(self, agent: int, peer: Peer, reply: messages.Reply) -> None:
         if not peer.answered < reply.tick <= peer.asked:
             return
         peer.answered = reply.tick

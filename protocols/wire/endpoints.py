@@ -1,0 +1,63 @@
+"""Where a world listens and a drone connects, as Zenoh writes it: ``PROTOCOL/ADDRESS``, for example ``tls/10.0.0.1:7447``.
+
+- ``tls`` and ``quic`` are secret: both ends show a certificate, and nobody on the way reads or changes a byte.
+- ``unixsock-stream``, ``tcp`` and ``ws`` are plain text. Off this machine that is done only by an explicit word.
+"""
+
+import ipaddress
+import re
+
+from protocols.wire.keys import LinkError
+
+SECRET = ("tls", "quic")
+PLAIN = ("unixsock-stream", "tcp", "ws")
+ANYWHERE = ("0.0.0.0", "::")  # every address of a machine
+
+# The protocols that both ends speak; what follows the port is left to Zenoh.
+_ENDPOINT = re.compile(r"unixsock-stream/.+|(tcp|tls|quic|ws)/.+:\d+.*")
+
+
+def checked_endpoint(endpoint: str) -> str:
+    """``endpoint`` itself if it reads like the address of a world, else LinkError."""
+    if not _ENDPOINT.fullmatch(endpoint):
+        raise LinkError(
+            f"{endpoint!r} is not an endpoint: an endpoint reads tls/ADDRESS:PORT, for example tls/192.168.1.10:7447, "
+            "or quic/ADDRESS:PORT, tcp/ADDRESS:PORT or unixsock-stream//folder/world.sock"
+        )
+    return endpoint
+
+
+def split(endpoint: str) -> tuple[str, str, int]:
+    """Protocol, host (without brackets) and port; of a Unix socket its path, and 0."""
+    protocol, _, address = checked_endpoint(endpoint).partition("/")
+    if protocol == "unixsock-stream":
+        return protocol, address, 0
+    place = re.match(r"(.+):(\d+)", address)
+    assert place  # checked above
+    return protocol, place[1].strip("[]"), int(place[2])
+
+
+def is_secret(endpoint: str) -> bool:
+    """Whether what passes there is encrypted, and both ends show who they are."""
+    return split(endpoint)[0] in SECRET
+
+
+def stays_here(endpoint: str) -> bool:
+    """Whether what passes there never leaves this machine."""
+    protocol, host, _ = split(endpoint)
+    if protocol == "unixsock-stream" or host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False  # a name: wherever it leads
+
+
+def refuse_plain_text(endpoint: str) -> None:
+    """Raises LinkError if what passes there could be read and changed on its way."""
+    if not is_secret(endpoint) and not stays_here(endpoint):
+        address = endpoint.partition("/")[2]
+        raise LinkError(
+            f"{endpoint} is plain text, which everybody on the way can read and change: make keys once with "
+            f"'rsc-swarm keys' and use tls/{address}, or say --plain-text (inside a VPN, say)"
+        )

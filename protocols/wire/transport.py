@@ -1,0 +1,37 @@
+"""How both ends of a link set Zenoh up, and no more than both must agree on. Only values: this imports no Zenoh."""
+
+import base64
+from typing import Any, Literal
+
+from protocols.wire.login import Certificates
+
+# Zenoh would otherwise take who is stopped for ten seconds for gone, and lose what was under way.
+_LEASE_MS = 24 * 3_600_000
+
+COMMON: dict[str, Any] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "timestamping/enabled": False,
+    "transport/unicast/qos/enabled": False,
+    "transport/unicast/lowlatency": True,
+    "transport/link/tx/lease": _LEASE_MS,
+    "transport/shared_memory/enabled": False,  # no gain at these sizes
+}
+
+
+def secret(certificates: Certificates, end: Literal["connect", "listen"]) -> dict[str, Any]:
+    """``tls`` and ``quic`` with certificates on both sides; the keys are handed over in memory.
+
+    A link that is open stays open when a certificate expires: nobody is lost in mid-flight for that.
+    """
+    return {
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/verify_name_on_connect": True,
+        "transport/link/tls/root_ca_certificate_base64": _base64(certificates.authority),
+        f"transport/link/tls/{end}_certificate_base64": _base64(certificates.certificate),
+        f"transport/link/tls/{end}_private_key_base64": _base64(certificates.private_key),
+    }
+
+
+def _base64(text: str) -> str:
+    return base64.b64encode(text.encode()).decode()

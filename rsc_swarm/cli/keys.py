@@ -1,0 +1,38 @@
+"""``rsc-swarm keys``: the keys of a swarm, made once for all its flights."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsc_swarm.cli.app import app, examples
+
+
+@app.command(epilog=examples("keys keys --agents 25 --world 10.0.0.1 --world swarm.example.org"))
+def keys(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Where to put a file for the world and one for each drone.")
+    ],
+    agents: Annotated[int, typer.Option(metavar="N", min=1, help="For how many drones.")] = 25,
+    world: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="An IP address or host name of the world, for drones on other machines; may be repeated.",
+        ),
+    ] = None,
+    swarm: Annotated[str, typer.Option(metavar="NAME", help="The swarm, as missions call it.")] = "rsc",
+    days: Annotated[int, typer.Option(min=1, max=3650, help="How long they are good for.")] = 365,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the keys in DIR; no old one is good any more.")
+    ] = False,
+) -> None:
+    """Make the keys of a swarm, once for all its flights: certificates and passwords for the world and for every drone."""
+    from rsc_swarm.flight.key_files import HERE, make_key_files
+
+    addresses = list(dict.fromkeys([*(world or ()), *HERE]))
+    make_key_files(folder, swarm, agents, addresses, days, overwrite)
+    typer.echo(
+        f"{folder}: world.json is for the world, agent-0.json for drone 0 and nobody else, and so on; good for {days} days, "
+        f"with the world at {', '.join(addresses)}"
+    )

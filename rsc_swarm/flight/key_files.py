@@ -1,0 +1,142 @@
+"""Files of keys: ``agent-3.json`` is all that drone 3 needs, ``world.json`` all that the world needs.
+
+Only their owner may read them.
+"""
+
+import os
+import stat
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TypeVar
+
+from protocols.errors import BrokenError, SwarmError
+from protocols.whole_file import write_whole
+from protocols.wire import certificates
+from protocols.wire.endpoints import is_secret, refuse_plain_text
+from protocols.wire.keys import user
+from protocols.wire.login import Login
+from world.server.credentials import Credentials, make_keys
+
+HERE = ("localhost", "127.0.0.1", "::1")  # where every world's certificate is good, to try it on one machine
+_WORLD = "world.json"
+_FOR_OTHERS = 0o077
+_Kind = TypeVar("_Kind")
+
+
+class KeyFileError(BrokenError, RuntimeError):
+    """A file of keys cannot be used; one line says why."""
+
+
+class KeyFolderError(SwarmError, RuntimeError):
+    """Keys cannot be put there, or not made like that; one line says why."""
+
+
+def make_key_files(
+    folder: Path, swarm: str, agents: int, addresses: Sequence[str], days: int, overwrite: bool
+) -> None:
+    """Make the keys of a swarm: a file for the world and one for each drone.
+
+    Raises:
+        KeyFolderError: ``folder`` holds keys and ``overwrite`` is not set, or there cannot be such keys.
+        protocols.whole_file.WriteError: they cannot be written.
+    """
+    try:
+        keys = make_keys(swarm, agents, addresses, days, datetime.now(UTC))
+    except ValueError as error:
+        raise KeyFolderError(str(error)) from None
+    old = [*folder.glob("agent-*.json"), *folder.glob(_WORLD)]
+    if old and not overwrite:
+        raise KeyFolderError(
+            f"{folder}: holds keys already; give a new directory, or --overwrite: then no old key is good any more"
+        )
+    _make_private(folder)
+    for file in old:
+        file.unlink()
+    for login in keys.logins:
+        write_whole(folder / f"{user(login.agent)}.json", login.to_json(), private=True)
+    write_whole(folder / _WORLD, keys.world.to_json(), private=True)
+
+
+def make_login_files(folder: Path, swarm: str, agents: int) -> Credentials:
+    """Passwords for one flight on this machine: a file for each drone.
+
+    Raises:
+        KeyFolderError: ``folder`` holds keys that are good for more. protocols.whole_file.WriteError: they cannot be written.
+    """
+    if (folder / _WORLD).exists():
+        raise KeyFolderError(
+            f"{folder}: holds the keys of a swarm; use them with --keys, or give another directory"
+        )
+    credentials = Credentials.fresh(swarm, agents)
+    _make_private(folder)
+    for agent in range(agents):
+        write_whole(folder / f"{user(agent)}.json", credentials.login(agent).to_json(), private=True)
+    return credentials
+
+
+def read_login(file: Path, agent: int, endpoint: str, plain_text: bool) -> Login:
+    """Drone ``agent``'s own, for a world at ``endpoint``.
+
+    Raises:
+        KeyFileError: it cannot be read, is no login, is another drone's, or others may read it.
+        protocols.wire.keys.LinkError: the way there is plain text, and nobody said that it may be.
+    """
+    if not plain_text:
+        refuse_plain_text(endpoint)
+    login = _read(file, certificates.read_login)
+    if login.agent != agent:
+        raise KeyFileError(
+            f"{file}: is that of agent {login.agent}; give agent {agent} its own, {user(agent)}.json"
+        )
+    return login
+
+
+def read_credentials(path: Path, swarm: str, agents: int) -> Credentials:
+    """The world's own, from ``world.json`` or the folder that it lies in.
+
+    Raises:
+        KeyFileError: it cannot be read, is no world's, others may read it, or it is for another swarm or a smaller one.
+    """
+    file = path / _WORLD if path.is_dir() else path
+    credentials = _read(file, Credentials.from_json)
+    if credentials.swarm != swarm:
+        raise KeyFileError(
+            f"{file}: is for swarm {credentials.swarm!r}, and the mission is for {swarm!r}; "
+            f"make keys with 'rsc-swarm keys --swarm {swarm}', or set the mission's swarm"
+        )
+    if len(credentials.passwords) < agents:
+        raise KeyFileError(
+            f"{file}: is for {len(credentials.passwords)} drones, and the mission is for {agents}; "
+            f"make keys with 'rsc-swarm keys --agents {agents}'"
+        )
+    return Credentials(swarm, credentials.passwords[:agents], credentials.certificates)
+
+
+def check_listening(listen: Sequence[str], plain_text: bool) -> None:
+    """Raises protocols.wire.keys.LinkError if one of them is plain text, off this machine, and nobody said that it may be."""
+    for endpoint in listen:
+        if not plain_text and not is_secret(endpoint):
+            refuse_plain_text(endpoint)
+
+
+def _make_private(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise KeyFolderError(f"{folder}: cannot be made ({error.strerror})") from None
+
+
+def _read(file: Path, reader: Callable[[str], _Kind]) -> _Kind:
+    """What ``reader`` makes of a file that is ours; one that is another's, root's say, was given to us to read."""
+    try:
+        read = reader(file.read_text(encoding="utf-8"))
+        found = file.stat()
+    except OSError as error:
+        raise KeyFileError(f"{file}: cannot be read ({error.strerror})") from None
+    except ValueError as error:  # UnicodeDecodeError is one
+        text = "is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
+        raise KeyFileError(f"{file}: {text}") from None
+    if found.st_uid == os.geteuid() and stat.S_IMODE(found.st_mode) & _FOR_OTHERS:
+        raise KeyFileError(f"{file}: others may read it; its keys are worth nothing then: chmod 600 {file}")
+    return read
