@@ -187,17 +187,17 @@ def unpack_from_world(data: bytes) -> FromWorld:
     """
     kind, fields = _unpack(data)
     if kind is Tick:  # a hundred times a second: no loop over types
-        process, tick, sensed, sources, heard = fields
+        tick, followed, sensed, sources, heard = fields
         if (
-            type(process) is not int
-            or type(tick) is not int
+            type(tick) is not int
+            or type(followed) is not int
             or type(sources) is not bytes
             or type(heard) is not list
         ):
             raise MessageError("not a tick")
         if type(sensed) is not list or len(sensed) != 3:
             raise MessageError("what is sensed comes in three parts")
-        return Tick(process, tick, (sensed[0], sensed[1], sensed[2]), sources, heard)
+        return Tick(tick, followed, (sensed[0], sensed[1], sensed[2]), sources, heard)
     if kind is Welcome:
         _typed(fields, int, dict, bytes, int)
         return Welcome(*fields)
