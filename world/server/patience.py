@@ -11,6 +11,7 @@ from collections.abc import Set as AbstractSet
 PATIENCE_S = 90.0  # for one answer: longer than a pause that nobody told the world of
 GRACE_S = 5.0
 LONGEST_S = 1.0
+_ODD = 0.01  # of it
 
 
 class Patience:
@@ -41,6 +42,10 @@ class Patience:
         if len(waiting) == 1 and self._in_company:
             (self._last,) = waiting
             self._last_since = now
+
+    def is_odd(self, agent: int, now: float) -> bool:
+        """Whether it has been awaited for so long that its process may be stopped; to ask the system costs more than a tick."""
+        return now - self._since[agent] > _ODD * PATIENCE_S
 
     def pause(self, agent: int, now: float) -> None:
         """The process of this drone is known to be stopped: the wait for it begins anew when it goes on."""

@@ -233,7 +233,7 @@ class WorldServer:
     def _look_at_late(self, waiting: set[int], now: float) -> set[int]:
         """Lose those for whom patience is over; who of ``waiting`` is still awaited."""
         for agent in waiting:
-            if self._control.paused(agent):
+            if self._patience.is_odd(agent, now) and self._control.paused(agent):
                 self._patience.pause(agent, now)
             elif why := self._patience.over(agent, now, now - self._started):
                 self._lose(Lost(agent, why))
