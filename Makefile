@@ -1,11 +1,12 @@
 # make demo   fly 25 drones in 25 processes and print the report
 # make test   run all tests          make lint   ruff, mypy and who may import whom
 # make bench  measure this machine   make clean  remove the virtual environment and caches
+# make fuzz   fuzz all that reads bytes from outside, a minute each; TARGET=frame RUNS=10000000: one of them, so many inputs
 
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench fuzz clean
 
 demo: .venv/ready
 	$(BIN)/rsc-swarm launch --agents 25
@@ -22,6 +23,9 @@ lint: .venv/ready-test
 bench: .venv/ready
 	$(BIN)/rsc-swarm bench
 
+fuzz: .venv/ready-fuzz
+	RSC_SWARM_PYTHON_KERNELS=1 $(BIN)/python -m tests.fuzz $(TARGET) $(if $(RUNS),--runs $(RUNS) --seconds 0)
+
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "rsc-swarm needs Python 3.11 or later; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
@@ -33,6 +37,10 @@ bench: .venv/ready
 
 .venv/ready-test: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,test,train]'
+	@touch $@
+
+.venv/ready-fuzz: .venv/ready-test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,test,train,fuzz]'
 	@touch $@
 
 clean:

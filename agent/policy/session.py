@@ -11,6 +11,8 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 import onnxruntime
 
+_NOWHERE = "/nonexistent"  # where a model finds weights that lie in other files: what flies is what was read and hashed
+
 
 def open_session(data: bytes) -> onnxruntime.InferenceSession:
     """Make a model ready to run from the bytes of its file.
@@ -24,9 +26,12 @@ def open_session(data: bytes) -> onnxruntime.InferenceSession:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_session_config_entry("session.model_external_initializers_file_folder_path", _NOWHERE)
     options.enable_cpu_mem_arena = False
     options.log_severity_level = 4  # what goes wrong is raised; nothing else is worth a line
     try:
-        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(
+            data, options, providers=["CPUExecutionProvider"], enable_fallback=0, read_config_from_model=0
+        )
     except Exception as error:  # its errors have no base of their own
         raise RuntimeError((str(error).splitlines() or [type(error).__name__])[0]) from None

@@ -124,7 +124,11 @@ def read_yaml(text: str) -> Any:
     if len(text) > MAX_BYTES:
         raise ReadingError(f"is longer than {MAX_BYTES >> 10} KiB")
     try:
-        return yaml.load(text, _Loader)
+        loader = _Loader(text)
+    except yaml.reader.ReaderError as error:
+        raise ReadingError(f"is not text: character {error.position} is #x{error.character:04x}") from None
+    try:
+        return loader.get_single_data()
     except yaml.MarkedYAMLError as error:
         why = error.problem or error.context or "cannot be read"
         if "'\\t'" in why:
@@ -132,8 +136,14 @@ def read_yaml(text: str) -> Any:
         mark = error.problem_mark or error.context_mark
         place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         raise ReadingError(f"is not valid YAML{place} ({' '.join(why.split())})") from None
-    except yaml.reader.ReaderError as error:
-        raise ReadingError(f"is not text: character {error.position} is #x{error.character:04x}") from None
+    except (
+        ValueError,
+        OverflowError,
+    ):  # PyYAML does not check the code of an escape, nor the number of a version
+        mark = loader.get_mark()
+        raise ReadingError(
+            f"is not valid YAML at line {mark.line + 1}, column {mark.column + 1} (there is no such character or number)"
+        ) from None
 
 
 def read_yaml_file(path: Path) -> dict[str, Any]:

@@ -134,7 +134,7 @@ def _typed(fields: list[Any], *types: type) -> None:
 def _status(value: Any, agents: int) -> AgentStatus:
     try:
         return parse_status(value, agents)
-    except (ValueError, TypeError) as error:
+    except ValueError as error:
         raise MessageError(f"not an account ({error})") from error
 
 
@@ -197,7 +197,10 @@ def unpack_from_world(data: bytes) -> FromWorld:
             raise MessageError("not a tick")
         if type(sensed) is not list or len(sensed) != 3:
             raise MessageError("what is sensed comes in three parts")
-        return Tick(tick, followed, (sensed[0], sensed[1], sensed[2]), sources, heard)
+        own, near, obstacles = sensed
+        if type(own) is not bytes or type(near) is not bytes or type(obstacles) is not bytes:
+            raise MessageError("what is sensed is bytes")
+        return Tick(tick, followed, (own, near, obstacles), sources, heard)
     if kind is Welcome:
         _typed(fields, int, dict, bytes, int)
         return Welcome(*fields)

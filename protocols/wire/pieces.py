@@ -9,6 +9,7 @@ What is short and does not begin like a piece travels as it is. Pieces arrive in
 from collections.abc import Iterator
 
 LONGEST = 30_000  # bytes of one piece, its mark included; leaves room for Zenoh's own
+LONGEST_MESSAGE = 1 << 22  # bytes that are joined: twice what the longest Tick takes
 _MORE, _LAST = b"\x01", b"\x00"
 
 
@@ -24,20 +25,22 @@ def cut(message: bytes) -> Iterator[bytes]:
 
 
 class Joiner:
-    """The other end: pieces in, messages out."""
+    """The other end: pieces in, messages out. A message that never ends, or is longer than any, is forgotten."""
 
     def __init__(self) -> None:
-        self._parts: list[bytes] = []
+        self._joined = bytearray()
 
     def join(self, piece: bytes) -> bytes | None:
         """The message that ``piece`` completes; None while more is to come."""
         mark = piece[:1]
         if mark not in (_MORE, _LAST):
-            self._parts.clear()
+            self._joined.clear()
             return piece
-        self._parts.append(piece[1:])
+        self._joined += piece[1:]
         if mark == _MORE:
+            if len(self._joined) > LONGEST_MESSAGE:
+                self._joined.clear()
             return None
-        message = b"".join(self._parts)
-        self._parts.clear()
+        message = bytes(self._joined)
+        self._joined.clear()
         return message

@@ -92,8 +92,11 @@ class SensedReader:
         own, near, obstacles = packed
         near_count, near_rest = divmod(len(near), NEIGHBOUR.itemsize)
         obstacle_count, obstacle_rest = divmod(len(obstacles), DISC.itemsize)
-        if near_rest or obstacle_rest or near_count > MAX_NEAR or obstacle_count > MAX_OBSTACLES:
-            raise ValueError(f"{len(near)} and {len(obstacles)} bytes are not what a drone senses")
+        whole = len(own) == 2 * _VECTOR_BYTES and not near_rest and not obstacle_rest
+        if not whole or near_count > MAX_NEAR or obstacle_count > MAX_OBSTACLES:
+            raise ValueError(
+                f"{len(own)}, {len(near)} and {len(obstacles)} bytes are not what a drone senses"
+            )
         self._position[:], self._velocity[:] = own[:_VECTOR_BYTES], own[_VECTOR_BYTES:]
         self._near[: len(near)] = near
         self._obstacles[: len(obstacles)] = obstacles

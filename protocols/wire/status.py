@@ -49,6 +49,8 @@ def parse_status(fields: Any, agents: int) -> AgentStatus:
     if not isinstance(fields, list) or len(fields) != 6:
         raise ValueError("a status has six fields")
     slot, heard, rejected, swaps, digest, view = fields
+    if not isinstance(rejected, list) or not isinstance(swaps, list):
+        raise ValueError("a status lists its counts")
     status = AgentStatus(slot, heard, tuple(rejected), tuple(swaps), digest, view)
     numbers = (status.slot, status.heard, *status.rejected, *status.swaps, status.digest)
     if not all(type(number) is int and number >= 0 for number in numbers):

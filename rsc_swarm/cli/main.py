@@ -32,8 +32,13 @@ def _carry_out(words: list[str]) -> int:
         if os.environ.get("RSC_SWARM_TRACEBACK"):
             raise
         code, text = _explain(error)
-        print(f"rsc-swarm: {text}", file=sys.stderr)
+        print(f"rsc-swarm: {_printable(text)}", file=sys.stderr)
     return code if isinstance(code, int) else ExitCode.SUCCEEDED
+
+
+def _printable(text: str) -> str:
+    """What a terminal shows and does not obey: names and files may hold anything."""
+    return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
 
 
 def _explain(error: Exception) -> tuple[ExitCode, str]:

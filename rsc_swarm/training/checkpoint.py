@@ -8,7 +8,6 @@ model.onnx, model.json at the end: the policy and its note
 
 import json
 import math
-import pickle
 import shutil
 from pathlib import Path
 from typing import Any
@@ -54,13 +53,15 @@ class TrainingFolder:
             raise TrainingError(
                 f"--out {self.path}: holds a training of another version; give another folder"
             )
-        theirs, ours = json.loads(state["config"]), self._config.model_dump(mode="json")
+        theirs, ours = _config_in(state, self._checkpoint), self._config.model_dump(mode="json")
         if differing := [name for name in ours if theirs.get(name) != ours[name]]:
             name = differing[0]
             raise TrainingError(
                 f"--out {self.path}: holds a training with {name} {theirs.get(name)}, not {ours[name]}; "
                 "give another folder"
             )
+        if not isinstance(state.get("curve"), list) or not isinstance(state.get("learner"), dict):
+            raise _damaged(self._checkpoint)
         return state
 
     def save(self, curve: list[Scalars], learner: dict[str, Any], replay: Replay) -> None:
@@ -92,7 +93,10 @@ class TrainingFolder:
             if (epochs - 1 - epoch) * self._per_epoch >= replay.capacity:
                 replay.total += self._per_epoch  # overwritten since
             else:
-                replay.add(Samples(**_load(self._epoch(epoch))))
+                try:
+                    replay.add(Samples(**_load(self._epoch(epoch))))
+                except (TypeError, AttributeError, RuntimeError):  # other arrays, or none
+                    raise _damaged(self._epoch(epoch)) from None
 
     def finish(self) -> None:
         """Remove what only going on would need."""
@@ -109,7 +113,23 @@ def _write(path: Path, state: dict[str, Any]) -> None:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
-        raise TrainingError(f"{path}: is missing or damaged; remove {path.parent} and train anew") from None
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception:  # what a file can do to torch's reader has no base of its own
+        raise _damaged(path) from None
+    if not isinstance(state, dict) or not all(isinstance(name, str) for name in state):
+        raise _damaged(path)
     return state
+
+
+def _config_in(state: dict[str, Any], path: Path) -> dict[str, Any]:
+    try:
+        config = json.loads(state["config"])
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise _damaged(path) from None
+    if not isinstance(config, dict):
+        raise _damaged(path)
+    return config
+
+
+def _damaged(path: Path) -> TrainingError:
+    return TrainingError(f"{path}: is missing or damaged; remove {path.parent} and train anew")

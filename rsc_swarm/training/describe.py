@@ -30,7 +30,7 @@ def describe(path: Path) -> ModelNote:
         raise ModelFileError(f"{path}: cannot be read ({error.strerror})") from None
     except DecodeError:
         raise ModelFileError(f"{path}: is damaged, cut off, or no ONNX file at all") from None
-    metadata = {entry.key: entry.value for entry in document.metadata_props}
+    metadata = {_text(entry.key): _text(entry.value) for entry in document.metadata_props}
     try:
         note = parse_note(json.dumps({**metadata, "sha256": hashlib.sha256(data).hexdigest()}))
         _compare(note.shapes, _shapes(document))
@@ -44,15 +44,22 @@ def _shapes(document: onnx.ModelProto) -> Shapes:
     """Of all inputs and outputs; a dimension without a number is named: any number of drones."""
     tensors = [*document.graph.input, *document.graph.output]
     return {
-        tensor.name: tuple(size.dim_value for size in tensor.type.tensor_type.shape.dim) for tensor in tensors
+        _text(tensor.name): tuple(size.dim_value for size in tensor.type.tensor_type.shape.dim)
+        for tensor in tensors
     }
+
+
+def _text(value: str | bytes) -> str:
+    """What protobuf read, which is bytes where it is no UTF-8."""
+    return value if isinstance(value, str) else value.decode(errors="backslashreplace")
 
 
 def _compare(wanted: Shapes, given: Shapes) -> None:
     for name in sorted(wanted.keys() | given.keys()):
         should, is_ = wanted.get(name), given.get(name)
         if should != is_:
-            raise ModelFileError(f"{name}: should be {_told(should)}, but is {_told(is_)}")
+            called = name if name.isprintable() else ascii(name)
+            raise ModelFileError(f"{called}: should be {_told(should)}, but is {_told(is_)}")
 
 
 def _told(shape: tuple[int, ...] | None) -> str:

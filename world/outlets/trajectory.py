@@ -4,16 +4,20 @@ Every array has one row per tick. Row t holds the state at the beginning of tick
 end. Metres and seconds; the frame is the mission's: x forward, y left, the virtual target starts at the origin.
 """
 
+import math
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from protocols.errors import SwarmError
 from protocols.whole_file import whole_file
+
+_MOST_BYTES = 1 << 32  # of one array: 250 drones for an hour are less
 
 
 class TrajectoryError(SwarmError):
@@ -52,12 +56,23 @@ class Trajectory:
             TrajectoryError: no such file, or it is not a recorded flight.
         """
         try:
-            with np.load(path) as saved:
+            with zipfile.ZipFile(path) as saved:
+                positions = _array(saved, "positions", np.float64, (None, None, 2))
+                moments, drones, _ = positions.shape
+                goal_x = _array(saved, "goal_x", np.float64, ())
+                tick_s = _array(saved, "tick_s", np.float64, ())
                 return cls(
-                    saved["positions"], saved["velocities"], saved["slots"], saved["flying"], saved["obstacles"],
-                    float(saved["goal_x"]), float(saved["tick_s"]),
-                )  # fmt: skip
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+                    positions,
+                    _array(saved, "velocities", np.float64, (moments, drones, 2)),
+                    _array(saved, "slots", np.int16, (moments, drones)),
+                    _array(saved, "flying", np.bool_, (moments, drones)),
+                    _array(saved, "obstacles", np.float64, (None, 3)),
+                    float(goal_x),
+                    float(tick_s),
+                )
+        except (
+            Exception
+        ) as error:  # what a file can do to the readers of zip files and arrays has no base of its own
             reason = getattr(error, "strerror", None) or " ".join(str(error).split())
             raise TrajectoryError(f"{path}: is not a recorded flight ({reason})") from None
 
@@ -78,3 +93,28 @@ class Trajectory:
                 goal_x=self.goal_x,
                 tick_s=self.tick_s,
             )
+
+
+def _array(
+    saved: zipfile.ZipFile, name: str, kind: type[np.generic], shape: tuple[int | None, ...]
+) -> NDArray[Any]:
+    """One array of the file, if it has this kind and shape (None: any length). Looks before it makes room: a header may lie.
+
+    Raises:
+        ValueError: it has another. Else whatever the readers raise.
+    """
+    member = saved.getinfo(f"{name}.npy")
+    with saved.open(member) as file:
+        version = npy.read_magic(file)
+        read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        given, _, written_kind = read_header(file)
+        fits = len(given) == len(shape) and all(
+            a == b or b is None for a, b in zip(given, shape, strict=True)
+        )
+        if written_kind != kind or not fits or min(given, default=0) < 0:
+            raise ValueError(f"{name}: an array of {written_kind}, shape {given}")
+        if math.prod(given) * written_kind.itemsize > min(member.file_size, _MOST_BYTES):
+            raise ValueError(f"{name}: an array of {math.prod(given)} numbers is longer than its file")
+    with saved.open(member) as file:
+        array: NDArray[Any] = npy.read_array(file, allow_pickle=False)
+        return array

@@ -79,7 +79,7 @@ class TableResult(BaseModel):
 
     table: Annotated[str, AfterValidator(_known)]
     title: str
-    rows: tuple[RowResult, ...]
+    rows: Annotated[tuple[RowResult, ...], Field(min_length=1)]
 
 
 def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowResult:

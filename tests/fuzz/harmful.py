@@ -1,0 +1,292 @@
+"""What once did harm, or well might: by target and name. Made from valid inputs, so that it follows their formats.
+
+Texts of this kind lie as files in ``corpus``.
+"""
+
+import io
+import pickle
+import zipfile
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, MAX_KNOWN
+from protocols.wire.messages import Hello, Ready, Refused, Reply, Tick, Wait, Welcome
+from tests.fuzz import seeds
+from tests.fuzz.seeds import AGENTS, made, packed
+
+Named = Iterator[tuple[str, bytes]]
+
+MSGPACK = {
+    "nothing": b"", "nested-1000-deep": b"\x91" * 1000 + b"\x01", "list-of-4-billion": b"\xdd\xff\xff\xff\xff",
+    "mapping-of-4-billion": b"\xdf\xff\xff\xff\xff", "list-as-a-key": b"\x81\x90\x01", "text-not-utf-8": b"\xa1\xff",
+    "time-stamp": b"\xd6\xff\xff\xff\xff\xff", "unused-code": b"\xc1", "cut-off": b"\x96\x01", "two-objects": b"\x01\x02",
+    "a-number": b"\x01", "an-empty-list": b"\x90", "a-text": b"\xa3abc",
+}  # fmt: skip
+
+
+def _with(fields: list[Any], place: int, value: Any) -> list[Any]:
+    return [*fields[:place], value, *fields[place + 1 :]]
+
+
+def notes() -> Named:
+    """Slot notes with one field that cannot be."""
+    good, deep = msgpack.unpackb(list(seeds.notes())[2]), 1
+    for _ in range(400):
+        deep = [deep]  # type: ignore[assignment]
+    swap = good[7][0]
+    for name, place, value in (
+        ("a-nested-digest", 0, deep), ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3]),
+        ("clock-at-its-end", 4, [2, 5, 2**48 - 1]), ("clock-beyond-its-end", 4, [2, 5, 2**48]),
+        ("too-many-refusals", 5, [[1, 2]] * 9),
+        ("counter-zero", 7, [_with(swap, 0, 0)]), ("too-many-swaps", 7, [swap] * 17),
+        ("swap-with-itself", 7, [_with(swap, 4, swap[3])]),
+        ("set-of-more-than-all", 8, b"\xff"), ("set-of-too-many-bytes", 8, bytes(2)), ("set-is-a-number", 8, 5),
+        ("checkpoint-not-a-permutation", 9, [bytes(AGENTS), 1, 2, 3]), ("checkpoint-of-other-agents", 9, [bytes(5), 1, 2, 3]),
+    ):  # fmt: skip
+        yield name, packed(_with(good, place, value))
+    yield "nine-fields", packed(good[:9])
+
+
+def frames() -> Named:
+    """Frames with one part that cannot be."""
+    good = msgpack.unpackb(list(seeds.frames())[1])
+    for name, place, value in (
+        ("another-version", 0, 99), ("another-swarm", 1, 0), ("fixed-part-too-short", 2, b"x"),
+        ("fixed-part-is-text", 2, "x"),
+        ("known-too-few", 3, b""), ("displacements-not-whole", 4, b"123"),
+    ):  # fmt: skip
+        yield name, packed(_with(good, place, value))
+    for name, field, number in (
+        ("from-the-future", "tick", 2000), ("from-long-ago", "tick", 1), ("motion-not-finite", "motion", np.nan),
+        ("ages-of-nobody", "age_from", AGENTS),
+        ("a-slot-nobody-has", "slot", AGENTS), ("a-sender-nobody-is", "sender", AGENTS),
+        ("more-hops-than-known", "one_hop", 9),
+    ):  # fmt: skip
+        fixed = np.frombuffer(good[2], FIXED).copy()
+        fixed[field] = number
+        yield name, packed(_with(good, 2, fixed.tobytes()))
+    fixed = np.frombuffer(good[2], FIXED).copy()
+    fixed["known_count"] = MAX_KNOWN + 1
+    more = [*good[:2], fixed.tobytes(), bytes(MAX_KNOWN + 1), bytes(8 * (MAX_KNOWN + 1)), good[5]]
+    yield "knows-more-than-can-be", packed(more)
+    yield "oversized", bytes(MAX_FRAME_BYTES + 1)
+    for name, note in notes():
+        yield f"note-with-{name}", packed([*good[:5], msgpack.unpackb(note)])
+
+
+def statuses() -> Named:
+    """Accounts with one field that cannot be."""
+    good = msgpack.unpackb(next(seeds.statuses()))
+    for name, place, value in (
+        ("number-where-counts-are-listed", 2, 5), ("text-where-counts-are-listed", 3, "1234567"),
+        ("nothing-where-counts-are-listed", 3, None),
+        ("counts-of-another-version", 2, [1]), ("view-of-others", 5, bytes(5)), ("view-is-text", 5, "abcdef"),
+        ("slot-is-half", 0, 0.5),
+        ("count-below-zero", 1, -1), ("truth-for-a-number", 1, True),
+    ):  # fmt: skip
+        yield name, packed(_with(good, place, value))
+
+
+def from_drone() -> Named:
+    """Messages that no drone says."""
+    reply = {"process": 7, "tick": 3, "ax": 0.5, "ay": 0.5, "slot": 5, "frame": b"x", "status": None}
+    for name, change in (
+        ("not-a-number", {"ax": float("nan")}), ("absurd-acceleration", {"ay": 1e9}), ("acceleration-is-whole", {"ax": 1}),
+        ("frame-is-text", {"frame": "x"}), ("frame-too-long", {"frame": bytes(2000)}), ("tick-below-zero", {"tick": -1}),
+        ("slot-nobody-has", {"slot": AGENTS}), ("account-is-a-number", {"status": 5}),
+    ):  # fmt: skip
+        yield name, made(Reply, **{**reply, **change})
+    for name, account in statuses():
+        yield f"account-with-{name}", made(Reply, **{**reply, "status": msgpack.unpackb(account)})
+    yield "process-too-large", made(Ready, process=2**32)
+    yield "version-is-text", made(Hello, version="1", process=1)
+    yield "what-the-world-says", made(Wait)
+    yield "kind-unknown", packed([99])
+    yield "kind-is-a-truth", packed([True])
+    yield "too-few-fields", packed([1])
+    yield "longer-than-any", bytes(70_000)
+
+
+def from_world() -> Named:
+    """Messages that no world says."""
+    tick = {"tick": 3, "sensed": [b"", b"", b""], "sources": b"\1", "heard": [b"x"]}
+    for name, change in (
+        ("sensed-is-text", {"sensed": ["a", "b", "c"]}), ("sensed-is-numbers", {"sensed": [1.0, 2, None]}),
+        ("tick-is-a-truth", {"tick": True}),
+        ("heard-is-text", {"heard": ["x"]}), ("heard-is-nothing", {"heard": [None]}),
+        ("sensed-in-two-parts", {"sensed": [b"", b""]}),
+        ("sensed-is-nothing", {"sensed": None}), ("heard-is-a-mapping", {"heard": {}}),
+    ):  # fmt: skip
+        yield name, made(Tick, **{**tick, **change})
+    welcome = {"process": 7, "initial_slots": b"", "boot": 0}
+    yield "mission-of-a-list", made(Welcome, **welcome, mission={"agents": [3]})
+    yield "mission-with-a-long-text", made(Welcome, **welcome, mission={"policy": "a" * 5000})
+    yield "mission-is-text", made(Welcome, **welcome, mission="x")
+    yield "refusal-is-a-number", made(Refused, process=7, why=5)
+    yield "what-a-drone-says", made(Ready, process=7)
+    yield "kind-unknown", packed([99])
+    yield "kind-is-a-truth", packed([True])
+    yield "too-few-fields", packed([5])
+
+
+def sensed() -> Named:
+    """Rows that are not whole."""
+    yield "own-too-long", bytes(43) + b"|"
+    yield "half-a-neighbour", bytes(32) + bytes(20) + b"|"
+    yield "half-an-obstacle", bytes(32) + b"|" + bytes(5)
+    yield "nothing", b""
+
+
+def pieces() -> Named:
+    """Messages without an end."""
+    yield "never-ends", b"\x01abc|" * 500
+    yield "nothing", b""
+
+
+def _array(array: Any, header: str | None = None) -> bytes:
+    """An ``.npy`` file, which may say something else of itself."""
+    out = io.BytesIO()
+    np.save(out, array, allow_pickle=True)
+    data = out.getvalue()
+    if header is None:
+        return data
+    return (
+        data[:8]
+        + (len(header) + 1).to_bytes(2, "little")
+        + header.encode()
+        + b"\n"
+        + data[10 + data[8] + 256 * data[9] :]
+    )
+
+
+def recordings() -> Named:
+    """Recordings that are damaged, lie about themselves, or hold other arrays."""
+    good, two = next(seeds.recordings()), np.zeros(2)
+    with zipfile.ZipFile(io.BytesIO(good)) as kept:
+        files = {name: kept.read(name) for name in kept.namelist()}
+
+    def with_(method: int = zipfile.ZIP_DEFLATED, **changes: bytes | None) -> bytes:
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w", method) as new:
+            for name, content in {**files, **{f"{name}.npy": data for name, data in changes.items()}}.items():
+                if content is not None:
+                    new.writestr(zipfile.ZipInfo(name), content, method)
+        return out.getvalue()
+
+    def header(shape: str) -> str:
+        return f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"
+
+    yield "array-of-a-trillion", with_(positions=_array(two, header("(500000000000, 1, 2)")))
+    yield "array-of-negative-length", with_(positions=_array(two, header("(-1, 1, 2)")))
+    yield "header-cut-off", with_(positions=_array(two, "{'descr': (((("))
+    yield "header-nested", with_(positions=_array(two, "(" * 3000))
+    yield "header-of-another-version", with_(positions=b"\x93NUMPY\x09\x00" + _array(two)[8:])
+    yield (
+        "header-of-version-2",
+        with_(positions=b"\x93NUMPY\x02\x00" + _array(two)[8:10] + b"\0\0" + _array(two)[10:]),
+    )
+    yield "no-array", with_(positions=b"x")
+    yield "array-missing", with_(slots=None)
+    yield "number-is-a-list", with_(tick_s=_array(np.zeros(3)))
+    yield "array-of-objects", with_(positions=_array(np.array([{}], object)))
+    yield "array-of-text", with_(positions=_array(np.array(["a"])))
+    yield "other-drones-in-slots", with_(slots=_array(np.zeros((3, 3), np.int16)))
+    yield "positions-in-three-dimensions", with_(positions=_array(np.zeros((3, 2, 3))))
+    yield "numbers-of-half-the-size", with_(positions=_array(np.zeros((3, 2, 2), np.float32)))
+    yield "long-array-of-zeros", with_(positions=_array(np.zeros((60_000, 2, 2))))
+    yield "packed-with-lzma", with_(zipfile.ZIP_LZMA)
+    yield "cut-off", good[:300]
+    yield "not-a-zip", b"x"
+    yield "nothing", b""
+    yield "one-array", _array(np.zeros(3))
+    yield "one-array-of-a-trillion", _array(two, header("(1000000000000,)"))
+    entry = good.index(b"PK\x01\x02")
+    for name, place, value in (
+        ("damaged-in-the-middle", 60, 255), ("zip-of-a-later-version", entry + 6, 95), ("encrypted", entry + 8, 1),
+        ("packed-in-an-unknown-way", entry + 10, 99),
+    ):  # fmt: skip
+        yield name, good[:place] + bytes([value]) + good[place + 1 :]
+
+
+class _Calls:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return print, ("a checkpoint has called a function",)
+
+
+def checkpoints() -> Named:
+    """Checkpoints that are damaged or hold something else."""
+    import torch
+
+    from rsc_swarm.training.config import TrainingConfig
+
+    config = TrainingConfig().model_dump_json()
+    for name, state in {
+        "a-list": [1], "a-tensor": torch.ones(1), "config-missing": {"version": 2}, "config-cut-off": {"version": 2,
+        "config": config[:90]},
+        "config-a-list": {"version": 2, "config": "[]"}, "config-a-number": {"version": 2, "config": 5},
+        "config-nested": {"version": 2, "config": "[" * 3000}, "curve-missing": {"version": 2, "config": config,
+        "learner": {}},
+        "curve-a-number": {"version": 2, "config": config, "curve": 5, "learner": {}}, "names-are-numbers": {1: 2},
+    }.items():  # fmt: skip
+        out = io.BytesIO()
+        torch.save(state, out)
+        yield name, out.getvalue()
+    yield "pickle-that-calls", pickle.dumps(_Calls(), protocol=2)
+    yield "nothing", b""
+    yield "not-a-zip", b"x"
+
+
+def _weights_in(place: str) -> bytes:
+    """A model whose weights lie in another file."""
+    from onnx import TensorProto, helper
+
+    weights = TensorProto(
+        name="w", data_type=TensorProto.FLOAT, dims=[4, 4], data_location=TensorProto.EXTERNAL
+    )
+    for key, value in (("location", place), ("offset", "0"), ("length", "64")):
+        weights.external_data.add(key=key, value=value)
+    taken, given = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["B", 4]) for name in "xy")
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", ["x", "w"], ["y"])], "g", [taken], [given], [weights]
+    )
+    model: bytes = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8
+    ).SerializeToString()
+    return model
+
+
+def models() -> Named:
+    """Model files that are damaged, or want more than they hold."""
+    yield "weights-in-another-file", _weights_in("Makefile")
+    yield "weights-in-another-folder", _weights_in("../w")
+    yield "weights-anywhere", _weights_in("/etc/passwd")
+    yield from descriptions()
+
+
+def descriptions() -> Named:
+    """Model files whose inputs or metadata are no text."""
+    good = next(seeds.models())
+    yield "nothing", b""
+    yield "not-a-model", b"x"
+    yield "cut-off", good[:200]
+    yield "input-not-utf-8", good.replace(b"heard", b"\xffeard")
+    yield "input-of-two-lines", good.replace(b"heard", b"he\nrd")
+    yield "metadata-not-utf-8", good.replace(b"horizon", b"\xfforizon")
+
+
+_MADE = {
+    "frame": frames, "air": frames, "note": notes, "status": statuses, "from-drone": from_drone,
+    "from-world": from_world, "sensed": sensed,
+    "pieces": pieces, "recording": recordings, "checkpoint": checkpoints, "model": models, "description": descriptions,
+}  # fmt: skip
+_IN_MSGPACK = ("frame", "air", "note", "status", "from-drone", "from-world")
+
+
+@cache
+def harmful(target: str) -> dict[str, bytes]:
+    """By name, for the target called ``target``."""
+    return {**(MSGPACK if target in _IN_MSGPACK else {}), **dict(_MADE[target]() if target in _MADE else ())}

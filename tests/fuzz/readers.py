@@ -1,0 +1,251 @@
+"""The readers that are fuzzed, as functions of bytes.
+
+Each also looks at what was read: it is written again and must then be read as the same, or what uses it must bear it.
+"""
+
+import atexit
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from zlib import crc32
+
+import msgpack
+
+from agent.policy import find_policy, model_file
+from agent.radio.air import Air
+from protocols.mission import policy_name, reading
+from protocols.mission.document import mission_yaml, parse_mission, read_mission_fields
+from protocols.slots import notes
+from protocols.wire import certificates, endpoints, frames, keys, messages, pieces, sensed, status
+from protocols.wire.frames import FrameError
+from protocols.wire.keys import LinkError
+from rsc_swarm import options
+from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.show.plots import curves
+from rsc_swarm.study.evaluate import summarise
+from rsc_swarm.study.finished import FinishedFlights
+from rsc_swarm.study.tables.markdown import markdown
+from rsc_swarm.study.tables.result import as_csv, read_table
+from rsc_swarm.training.config import TrainingConfig, make_config
+from tests.fuzz import seeds
+from tests.fuzz.seeds import AGENTS, NOW, TAG
+from world.outlets.trajectory import Trajectory
+from world.server.credentials import Credentials
+
+# --- what comes over the air and the wire ------------------------------------------------------------------------------------
+
+_ROWS = frames.empty_frames(2)
+_CODEC = frames.FrameCodec(TAG, _ROWS)
+_AIR = Air("rsc", AGENTS, 2)
+_SENSED = sensed.empty_sensed(1)
+_SENSED_READER = sensed.SensedReader(_SENSED)
+
+
+def read_frame(data: bytes) -> None:
+    sender, note = _CODEC.decode(data, 1)
+    if frames.fault(_ROWS, 1, NOW, 200, AGENTS) < 0:
+        assert _CODEC.decode(_CODEC.encode(1, note), 0)[0] == sender
+        assert _ROWS.fixed[0] == _ROWS.fixed[1]
+
+
+def read_air(data: bytes) -> None:
+    _AIR.unpack(data, 0)
+    said = _AIR.note(0)
+    _AIR.unpack(_AIR.pack(0), 1)
+    assert _AIR.note(1) == said
+
+
+def _unpacked(data: bytes) -> Any:
+    """As the frame or message around it has been read."""
+    try:
+        return msgpack.unpackb(data)
+    except (ValueError, TypeError, msgpack.exceptions.UnpackException):
+        raise ValueError("not msgpack") from None
+
+
+def read_note(data: bytes) -> None:
+    said = notes.decode(_unpacked(data), AGENTS)
+    assert notes.decode(msgpack.unpackb(msgpack.packb(notes.encode(said))), AGENTS) == said
+
+
+def read_status(data: bytes) -> None:
+    said = status.parse_status(_unpacked(data), AGENTS)
+    assert status.parse_status(msgpack.unpackb(msgpack.packb(said)), AGENTS) == said
+
+
+def read_from_drone(data: bytes) -> None:
+    said = messages.unpack_from_drone(data, AGENTS)
+    assert messages.unpack_from_drone(messages.pack(said), AGENTS) == said
+
+
+def read_from_world(data: bytes) -> None:
+    said = messages.unpack_from_world(data)
+    messages.pack(said)
+    if isinstance(said, messages.Tick):
+        for _, heard in zip(said.sources, said.heard, strict=False):
+            try:
+                _AIR.unpack(heard, 0)
+            except FrameError:
+                continue
+    if isinstance(said, messages.Welcome):
+        parse_mission(said.mission)
+
+
+def read_sensed(data: bytes) -> None:
+    near = data[32:].find(b"|")
+    packed = (data[:32], data[32 : 32 + near], data[33 + near :])
+    _SENSED_READER.read(packed)
+    assert sensed.SensedPacker(_SENSED).pack(0) == packed
+
+
+def read_pieces(data: bytes) -> None:
+    joiner = pieces.Joiner()
+    for piece in data.split(b"|"):
+        joiner.join(piece)
+    joiner = pieces.Joiner()
+    for piece in pieces.cut(data):
+        whole = joiner.join(piece)
+    assert whole == data
+
+
+def read_login(data: bytes) -> None:
+    login = certificates.read_login(data.decode("utf-8"))
+    assert certificates.read_login(login.to_json()) == login
+    if login.certificates:
+        certificates.refuse_out_of_date(login.certificates, seeds.TODAY)
+
+
+def read_world_keys(data: bytes) -> None:
+    keys_of_all = Credentials.from_json(data.decode("utf-8"))
+    assert Credentials.from_json(keys_of_all.to_json()) == keys_of_all
+    if keys_of_all.certificates:
+        certificates.refuse_out_of_date(keys_of_all.certificates, seeds.TODAY)
+        certificates.refuse_other_address(keys_of_all.certificates, seeds.ADDRESS)
+
+
+# --- what people write -------------------------------------------------------------------------------------------------------
+
+
+@cache
+def _folder() -> Path:
+    """A folder of this process's own, in memory where there is such a place."""
+    made = TemporaryDirectory(
+        dir=os.environ.get("TMPDIR") or ("/dev/shm" if Path("/dev/shm").is_dir() else None)
+    )
+    atexit.register(made.cleanup)
+    return Path(made.name)
+
+
+def in_file(name: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+    """``read`` of a file of this name that holds the bytes."""
+
+    def run(data: bytes) -> None:
+        path = _folder() / name
+        path.write_bytes(data)
+        read(path)
+
+    return run
+
+
+def read_mission(path: Path) -> None:
+    mission = parse_mission(read_mission_fields(path), str(path))
+    if crc32(path.read_bytes()) % 16 == 0:  # it takes long
+        assert parse_mission(reading.read_yaml(mission_yaml(mission))) == mission
+    assert (
+        min(
+            mission.ticks,
+            mission.frame_every,
+            mission.memory_ticks,
+            mission.answer_ticks,
+            mission.silent_ticks,
+        )
+        > 0
+    )
+
+
+def read_options(data: bytes) -> None:
+    """Lines are words after ``--set``."""
+    given = options.MissionOptions(set=data.decode("utf-8", "surrogateescape").split("\n"))
+    options.resolve(given)
+    options.command_line("launch", given)
+
+
+def read_words(data: bytes) -> None:
+    """Names that a command is given: of a swarm, a world's address, and a policy, but for those that would be imported."""
+    swarm, endpoint, policy = [*data.decode("utf-8", "surrogateescape").split("\n", 2), "", ""][:3]
+    keys.checked_swarm(swarm)
+    endpoints.checked_endpoint(endpoint)
+    with suppress(LinkError):
+        endpoints.refuse_plain_text(endpoint)
+    mission = parse_mission({"agents": 3, "policy": policy})
+    name = policy_name.split(policy)[1]
+    if not name or policy_name.file_of(policy):
+        find_policy(policy_name.from_folder(policy, _folder()), mission)
+
+
+# --- what was written to files before ----------------------------------------------------------------------------------------
+
+
+def read_model(path: Path) -> None:
+    """A note, beside the model it was written for."""
+    model = path.with_suffix(".onnx")
+    model.write_bytes(seeds.MODEL)
+    _ = model_file._read.__wrapped__(model, (0, 0), (0, 0)).facts.shapes
+
+
+def read_journal(path: Path) -> None:
+    with FinishedFlights(path) as book:
+        if book.flights:
+            summarise(seeds.FLOWN, list(book.flights.values()), 1, "")
+
+
+def read_result(path: Path) -> None:
+    table = read_table(path)
+    markdown(table)
+    as_csv(table)
+
+
+def read_report(path: Path) -> None:
+    RunDir(path.parent).ended()
+
+
+def read_recording(path: Path) -> None:
+    flown = Trajectory.load(path)
+    moments, drones, _ = flown.positions.shape
+    assert flown.velocities.shape == (moments, drones, 2)
+    assert flown.slots.shape == flown.flying.shape == (moments, drones)
+    assert flown.obstacles.shape[1:] == (3,)
+    assert len(flown.times) == moments
+
+
+def read_training(path: Path) -> None:
+    config = make_config("default", path)
+    assert TrainingConfig.model_validate_json(config.model_dump_json()) == config
+
+
+def read_checkpoint(data: bytes) -> None:
+    from rsc_swarm.training.checkpoint import TrainingFolder  # takes torch
+
+    folder = TrainingFolder(_folder() / "training", TrainingConfig())
+    (folder.path / "checkpoint.pt").write_bytes(data)
+    folder.load()
+
+
+def run_model(data: bytes) -> None:
+    from agent.policy.session import open_session
+
+    open_session(data)
+
+
+def describe_model(path: Path) -> None:
+    from rsc_swarm.training.describe import describe
+
+    describe(path)
+
+
+def read_curve(path: Path) -> None:
+    curves.read_curve(path.parent)

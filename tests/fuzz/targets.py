@@ -1,0 +1,217 @@
+"""All that reads bytes from outside: what a target is given it reads, or refuses with an error of its own.
+
+The branches of a target's ``decoders`` are counted, so that a corpus can be judged by what it reaches.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from agent.policy import find_policy, model_file
+from agent.policy.model_file import ModelFileError
+from agent.policy.registry import _class_called
+from agent.radio.air import Air
+from protocols.errors import SwarmError
+from protocols.mission import (
+    checks,
+    document,
+    fault,
+    findings,
+    policy_name,
+    reading,
+    values,
+)
+from protocols.mission.document import MissionError, read_mission_fields
+from protocols.slots import notes
+from protocols.wire import certificates, endpoints, frames, keys, login, messages, pieces, sensed, status
+from protocols.wire.frames import FrameError
+from protocols.wire.login import Login
+from protocols.wire.messages import MessageError
+from rsc_swarm import options
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.show.plots import curves
+from rsc_swarm.show.plots.style import PlotError
+from rsc_swarm.study import finished
+from rsc_swarm.study.finished import FinishedFlightsError
+from rsc_swarm.study.tables import result
+from rsc_swarm.study.tables.result import TableError, as_csv, read_table
+from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
+from tests.fuzz import mutate, readers, seeds
+from tests.fuzz.mutate import Change
+from world.outlets import trajectory
+from world.outlets.trajectory import TrajectoryError
+from world.server.credentials import Credentials
+
+
+class Target(NamedTuple):
+    """``read`` is given bytes and raises nothing but ``refusals``, or, where there are none, nothing at all.
+
+    seeds: valid inputs. change: how one gets something wrong into it. decoders: functions, classes and modules whose
+    branches count; none where a library decodes.
+    """
+
+    read: Callable[[bytes], object]
+    refusals: tuple[type[Exception], ...]
+    seeds: Callable[[], Iterable[bytes]]
+    change: Change
+    decoders: tuple[Any, ...]
+
+
+def is_declared(target: Target, error: Exception) -> bool:
+    """Whether an error is one that the target may raise, and one line."""
+    return isinstance(error, target.refusals) and "\n" not in str(error)
+
+
+TARGETS = {
+    "frame": Target(
+        readers.read_frame,
+        (FrameError,),
+        seeds.frames,
+        mutate.msgpack_changed,
+        (frames.FrameCodec.decode, frames.fault),
+    ),
+    "air": Target(
+        readers.read_air,
+        (FrameError,),
+        seeds.frames,
+        mutate.msgpack_changed,
+        (Air.unpack, notes.quiet_digest),
+    ),
+    "note": Target(
+        readers.read_note,
+        (ValueError,),
+        seeds.notes,
+        mutate.msgpack_changed,
+        (notes.decode, notes._int, notes._agents, notes._list, notes._ints, notes._maybe, notes._several),
+    ),
+    "status": Target(
+        readers.read_status, (ValueError,), seeds.statuses, mutate.msgpack_changed, (status.parse_status,)
+    ),
+    "from-drone": Target(
+        readers.read_from_drone,
+        (MessageError,),
+        seeds.from_drone,
+        mutate.msgpack_changed,
+        (
+            messages.unpack_from_drone,
+            messages._unpack,
+            messages._whole,
+            messages._status,
+            status.parse_status,
+        ),
+    ),
+    "from-world": Target(
+        readers.read_from_world,
+        (MessageError, MissionError),
+        seeds.from_world,
+        mutate.msgpack_changed,
+        (messages.unpack_from_world, messages._unpack, messages._typed),
+    ),
+    "sensed": Target(
+        readers.read_sensed, (ValueError,), seeds.sensed, mutate.bytes_changed, (sensed.SensedReader.read,)
+    ),
+    "pieces": Target(readers.read_pieces, (), seeds.pieces, mutate.bytes_changed, (pieces,)),
+    "login": Target(
+        readers.read_login,
+        (ValueError,),
+        seeds.logins,
+        mutate.json_changed,
+        (
+            Login.from_json,
+            login.from_json,
+            keys.checked_swarm,
+            keys.checked_agent,
+            certificates.read_login,
+            certificates.checked_certificates,
+            certificates.refuse_out_of_date,
+            certificates._read,
+        ),
+    ),
+    "world-keys": Target(
+        readers.read_world_keys,
+        (ValueError,),
+        seeds.world_keys,
+        mutate.json_changed,
+        (Credentials.from_json, certificates.checked_certificates, certificates.refuse_other_address),
+    ),
+    "mission": Target(
+        readers.in_file("mission.yaml", readers.read_mission),
+        (MissionError,),
+        seeds.missions,
+        mutate.yaml_changed,
+        (reading, document, checks, fault, values, findings, read_mission_fields),
+    ),
+    "options": Target(
+        readers.read_options,
+        (MissionError,),
+        seeds.settings,
+        mutate.bytes_changed,
+        (options.resolve, options._setting, options._put),
+    ),
+    "words": Target(
+        readers.read_words,
+        (SwarmError, ValueError),
+        seeds.words,
+        mutate.bytes_changed,
+        (keys.checked_swarm, endpoints, policy_name, find_policy, _class_called),
+    ),
+    "model-note": Target(
+        readers.in_file("model.json", readers.read_model),
+        (ModelFileError,),
+        seeds.model_notes,
+        mutate.json_changed,
+        (model_file._read, model_file.parse_note, model_file.ModelNote.shapes),
+    ),
+    "journal": Target(
+        readers.in_file("journal.jsonl", readers.read_journal),
+        (FinishedFlightsError,),
+        seeds.journals,
+        mutate.lines_changed,
+        (finished.FinishedFlights, finished._parse),
+    ),
+    "table": Target(
+        readers.in_file("table-1.json", readers.read_result),
+        (TableError,),
+        seeds.tables,
+        mutate.json_changed,
+        (read_table, as_csv, result._flat, result._known),
+    ),
+    "report": Target(
+        readers.in_file("report.json", readers.read_report),
+        (RunDirError,),
+        seeds.reports,
+        mutate.json_changed,
+        (RunDir.ended,),
+    ),
+    "recording": Target(
+        readers.in_file("trajectory.npz", readers.read_recording),
+        (TrajectoryError,),
+        seeds.recordings,
+        mutate.zip_changed,
+        (trajectory,),
+    ),
+    "curve": Target(
+        readers.in_file("curve.jsonl", readers.read_curve),
+        (PlotError,),
+        seeds.curves,
+        mutate.lines_changed,
+        (curves.read_curve,),
+    ),
+    "training": Target(
+        readers.in_file("training.yaml", readers.read_training),
+        (TrainingError,),
+        seeds.trainings,
+        mutate.yaml_changed,
+        (make_config, TrainingConfig),
+    ),
+    "checkpoint": Target(
+        readers.read_checkpoint, (TrainingError,), seeds.checkpoints, mutate.zip_changed, ()
+    ),
+    "model": Target(readers.run_model, (RuntimeError,), seeds.models, mutate.bytes_changed, ()),
+    "description": Target(
+        readers.in_file("model.onnx", readers.describe_model),
+        (ModelFileError,),
+        seeds.models,
+        mutate.bytes_changed,
+        (),
+    ),
+}
