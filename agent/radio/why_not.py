@@ -28,7 +28,7 @@ def why_not(endpoint: str, login: Login, timeout_s: float) -> str:
         "start the world first, or give the endpoint on which it listens"
     )
     if protocol == "quic":  # over UDP there is nobody to ask
-        return f"{absent}; a world with other keys than {user(login.agent)}'s does not answer either"
+        return f"{absent}; if it is there and its keys were not made with {user(login.agent)}'s, it says so itself"
     try:
         plain = _connected(protocol, host, port)
     except (OSError, ValueError):

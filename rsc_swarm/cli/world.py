@@ -1,5 +1,6 @@
 """``rsc-swarm world``: the world alone, for drones that are started elsewhere."""
 
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -67,6 +68,7 @@ def _fly(
     listen: list[str], keys: Path | None, logins: Path | None, join_s: float, flight: "Flight"
 ) -> "Told":
     from rsc_swarm.cli.fly import Told, told_unsaved
+    from rsc_swarm.flight.door import door_watched
     from rsc_swarm.flight.key_files import make_login_files, read_credentials
     from rsc_swarm.flight.launch import serve_world
 
@@ -80,7 +82,8 @@ def _fly(
         f"waiting for {mission.agents} agents at {', '.join(listen)}; their files are in {keys or logins}"
     )
     trajectory = place.trajectory if place else None
-    flown, unsaved = serve_world(
-        mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s
-    )
+    with door_watched(flight.view.say) if keys else nullcontext():
+        flown, unsaved = serve_world(
+            mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s
+        )
     return Told(flown, save=partial(told_unsaved, unsaved))
