@@ -12,8 +12,6 @@ from typing import BinaryIO
 
 from protocols.errors import BrokenError
 
-_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
-
 
 class WriteError(BrokenError):
     """A file cannot be written, because the disk is full, say; what was under its name before is untouched."""
@@ -59,7 +57,8 @@ def _nameless(otherwise: Path, mode: int) -> BinaryIO:
         return os.fdopen(os.open(otherwise.parent, os.O_TMPFILE | os.O_WRONLY, mode), "wb")
     except OSError:  # EOPNOTSUPP, EISDIR, EINVAL, ...: what really stands in the way, opening by name says
         otherwise.unlink(missing_ok=True)
-        return open(os.open(otherwise, _NEW, mode), "wb")
+        otherwise.unlink(missing_ok=True)  # of a process of this number, long ago
+        return open(otherwise, "wb", opener=lambda path, flags: os.open(path, flags, mode))
 
 
 def write_whole(path: Path, content: str | bytes, private: bool = False) -> None:

@@ -19,7 +19,6 @@ import zenoh
 
 from agent.radio.why_not import why_not
 from protocols.closing import Closing
-from protocols.open_files import allow_open_files
 from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
 from protocols.wire.keys import LinkError
@@ -33,7 +32,6 @@ _ONE_RUNTIME = (
     "app:(worker_threads:1,max_blocking_threads:2))"
 )
 _ASK_AGAIN_S = 0.1  # whether to leave, while waiting for the world
-_FILES = 40  # what Zenoh and a policy's model open
 
 
 def _check_certificates(endpoint: str, login: Login) -> None:
@@ -121,7 +119,6 @@ class AgentLink(Closing):
         self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
         self._joiner = pieces.Joiner()
         _check_certificates(checked_endpoint(endpoint), login)
-        allow_open_files(_FILES)
         self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
         try:
             self._session.declare_subscriber(

@@ -335,8 +335,10 @@ def fly_agent(
 
     Raises:
         RunBroken: no world there, the login is refused, or the world fell silent.
+        rsc_swarm.machine.limits.MachineError: the machine gives too little.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
+    make_room(1)
     rehearse(parse_mission({"agents": 4}))  # who leaves before this is done has nothing to lose
     try:
         with leave_when_asked() as leave, AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:

@@ -26,7 +26,7 @@ def make_room(drones: int) -> None:
     if soft != resource.RLIM_INFINITY and soft < needed:
         if hard != resource.RLIM_INFINITY and hard < needed:
             raise MachineError(
-                f"{drones} drones need {needed} open files, and {hard} are allowed here: allow more (ulimit -n {needed})"
+                f"{needed} open files are needed, and {hard} are allowed here: allow more (ulimit -n {needed})"
             )
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
     space = resource.getrlimit(resource.RLIMIT_AS)[0]

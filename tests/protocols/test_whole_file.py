@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 from contextlib import suppress
 from pathlib import Path
 
@@ -67,3 +68,21 @@ def test_a_link_goes_on_leading_where_it_leads(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(WriteError, match=r"nowhere/x: cannot be written \(No such file or directory\)"):
         write_whole(tmp_path / "nowhere" / "x", "")
+
+
+def test_where_no_file_can_be_without_a_name_it_is_whole_and_private_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    true_open = os.open
+
+    def refuse(path: str, flags: int, mode: int = 0o777) -> int:
+        if flags & os.O_TMPFILE == os.O_TMPFILE:
+            raise OSError(errno.EOPNOTSUPP, "no such thing here")
+        return true_open(path, flags, mode)
+
+    monkeypatch.setattr(os, "open", refuse)
+    for text in ("one", "two"):
+        write_whole(tmp_path / "file", text, private=True)
+        assert (tmp_path / "file").read_text() == text
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o600
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

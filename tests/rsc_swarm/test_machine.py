@@ -128,7 +128,7 @@ def test_a_folder_that_is_gone_is_named() -> None:
 def test_too_few_open_files_are_told_before_anything_is_started() -> None:
     few = (40, 40)
     said = run("launch", "--agents", "25", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, few))
-    line = "rsc-swarm: 25 drones need 98 open files, and 40 are allowed here: allow more (ulimit -n 98)"
+    line = "rsc-swarm: 98 open files are needed, and 40 are allowed here: allow more (ulimit -n 98)"
     assert (said.returncode, complaints(said)) == (3, [line])
 
 

@@ -20,14 +20,11 @@ from typing import Any
 import zenoh
 
 from protocols.closing import Closing
-from protocols.open_files import allow_open_files
 from protocols.wire import keys, pieces
 from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON, secret
 from world.server.credentials import Credentials
-
-_FILES = 60  # what Zenoh opens beside one socket per agent
 
 
 def _check_endpoints(credentials: Credentials, endpoints: Sequence[str]) -> None:
@@ -148,7 +145,6 @@ class WorldLink(Closing):
 
     def __init__(self, credentials: Credentials, endpoints: Sequence[str]) -> None:
         _check_endpoints(credentials, endpoints)
-        allow_open_files(len(credentials.passwords) + _FILES)
         swarm, agents = credentials.swarm, range(len(credentials.passwords))
         self._agent_of_key = {keys.tx(swarm, agent): agent for agent in agents}
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
