@@ -13,15 +13,15 @@ the same. Each tick, for every awake row:
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent import tick as cycle
-from agent.memory import empty_memory, forget
+from agent.memory import Memory, empty_memory, forget
 from agent.policy import Seen, find_policy
-from agent.policy.asking import ask, call
+from agent.policy.asking import absurd, ask, call
 from agent.radio.air import Air
 from agent.rules import rules_of, shape_of
 from agent.slot_endpoints import SlotEndpoints
@@ -124,10 +124,11 @@ class AgentCore:
         self._arrays = make_tick_arrays(
             Parts(self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory)
         )
-        self._shown = (
-            work.me, work.awake, sensed.position, sensed.velocity, work.target_position, work.target_velocity, work.chain_error,
-            work.slot_error, work.observation, memory, self._arrays,
-        )  # fmt: skip
+        self._shown: dict[str, NDArray[Any] | Memory] = {
+            "me": work.me, "awake": work.awake, "position": sensed.position, "velocity": sensed.velocity,
+            "target_position": work.target_position, "target_velocity": work.target_velocity,
+            "chain_error": work.chain_error, "slot_error": work.slot_error, "observation": work.observation, "memory": memory,
+        }  # fmt: skip
 
     def tick(self, inputs: Inputs) -> Outputs:
         """Decide one tick for the awake rows.
@@ -147,8 +148,11 @@ class AgentCore:
         changed = endpoints.step(tick, work, air) if news else ()
         if changed or begins:  # at the first swap there would be no time for loading code
             cycle.aim_again(arrays)
-        command = ask(self.policy, self.mission.policy, Seen(tick, *self._shown))
-        cycle.after_policy(tick, first, arrays, command)
+        policy, name = self.policy, self.mission.policy
+        command = ask(policy, name, Seen(tick, self._shown, arrays), len(work.me))
+        wrong = cycle.after_policy(tick, first, arrays, command)
+        if wrong >= 0:
+            raise absurd(policy, name, int(work.me[wrong]), command[wrong])
         endpoints.write_notes(tick, work.sent, air, first)
         return Outputs(command, work.sent, self._views.slot, changed)
 

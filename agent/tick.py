@@ -79,11 +79,13 @@ def aim_again(arrays: TickArrays) -> None:
 
 
 @kernel
-def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.float64]) -> None:
+def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.float64]) -> int:
     """Make the commands (A, 2) safe in place, and compose the frames that are due into ``arrays.frames`` row first + r.
 
-    A policy that wants what is no number, or an absurd one, wants nothing. Drones take turns at low frame rates, so that not
-    all speak in the same tick.
+    Drones take turns at low frame rates, so that not all speak in the same tick.
+
+    Returns:
+        The first row of which the policy wants what is no number, or an absurd one; then nothing is done from there on. Else -1.
     """
     rules, _, views, work, sensed, frames, memory = parts_of(arrays)
     for row in range(work.me.shape[0]):
@@ -92,7 +94,7 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
             continue
         wanted = vector(command, row)
         if not (abs(wanted[0]) <= ABSURD_MPS2 and abs(wanted[1]) <= ABSURD_MPS2):
-            wanted = (0.0, 0.0)
+            return row
         if rules.detour:
             wanted = leave_pocket(wanted, row, rules, work, sensed, memory)
         if rules.filtered:
@@ -104,3 +106,4 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
             frames.slot[first + row] = views.slot[row]
             frames.digest[first + row] = views.digest[row]
             frames.loud[first + row] = 0
+    return -1

@@ -19,6 +19,7 @@ from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
 from protocols.mission.policy_name import from_folder
 from protocols.mission.reading import write_value
+from rsc_swarm.errors import NAMED, error_of
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.report import FlightReport, report_of
@@ -138,7 +139,8 @@ def launch(
         run_dir: keep mission, report, paths and logs in this folder (docs/recordings.md), which must not hold a flight yet.
 
     Raises:
-        MissionError: it cannot be flown. RunBroken: the run itself broke. One line says why.
+        MissionError, PolicyError, world.field.FieldError: it cannot be flown, or the policy went wrong. RunBroken: the run itself
+            broke. rsc_swarm.flight.run_dir.RunDirError: the folder cannot be used. One line says why.
         KeyboardInterrupt: Ctrl-C; all processes have ended.
     """
     if mission.policy.startswith("__main__:"):
@@ -151,31 +153,26 @@ def launch(
         words = ["launch", *_settings(mission), "--clock", clock]
         done = subprocess.run(
             [sys.executable, "-m", "rsc_swarm", *words, "--run-dir", str(folder)],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
+            env={
+                **os.environ,
+                **NAMED,
+                "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path),
+            },
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
+        if done.returncode == ExitCode.INTERRUPTED:
+            raise KeyboardInterrupt
         kept = folder / "report.json"
-        if done.returncode not in _FLOWN and not kept.is_file():
-            _raise(done)
-        report = FlightReport.model_validate_json(kept.read_text(encoding="utf-8"))
-        if report.failure == "broken":
+        report = FlightReport.model_validate_json(kept.read_text(encoding="utf-8")) if kept.is_file() else None
+        if report and report.failure == "broken":
             raise RunBroken(report.detail)
-        if done.returncode not in _FLOWN:
-            _raise(done)
+        if done.returncode not in _FLOWN or not report:
+            raise error_of(done.stderr, done.returncode)
         if not run_dir:
             report = report.model_copy(update={"again": _again("launch", mission, "--clock", clock)})
         return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))
-
-
-def _raise(done: "subprocess.CompletedProcess[str]") -> None:
-    """The error that a launcher left with, as it told it."""
-    lines = done.stderr.strip().splitlines() or [f"the launcher ended with exit code {done.returncode}"]
-    line = lines[-1].removeprefix("rsc-swarm: ")
-    if done.returncode == ExitCode.INTERRUPTED:
-        raise KeyboardInterrupt(line)
-    raise MissionError(line) if done.returncode == ExitCode.BAD_USAGE else RunBroken(line)
 
 
 def _again(verb: str, mission: Mission, *more: str) -> str:

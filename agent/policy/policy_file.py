@@ -1,21 +1,44 @@
 """A policy's class from a file, ``path/to/homing.py:Homing``, whatever the current folder and the search path are.
 
-The file is compiled from the text that is read, never from what Python kept of it, so what flies is what stands there. Its
-module is private. Modules that lie beside the file can be imported at its top, unless one that is installed has the name; they
-belong to it, and a policy elsewhere with a module of the same name beside it gets its own.
+Everything is read at once: the file, and, however far down, the modules beside it that an ``import`` in these texts names, be it
+at the top or inside a function. What flies is compiled from what was read then, never from what Python kept of it. It is private:
+a policy elsewhere with a module of the same name beside it has another one. Of two modules with one name the installed one is
+taken, not the one beside the file.
 """
 
+import ast
+import builtins
 import hashlib
-import importlib.util
 import sys
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import Any, NamedTuple
 
-_PREFIX = "_rsc_swarm_policy_"
-_beside: dict[
-    str, dict[Path, bytes]
-] = {}  # by policy module: what it imported from beside it, as it was then
-_borrowed: set[str] = set()  # names of the modules beside the policy loaded last
+PREFIX = "_rsc_swarm_policy_"
+
+
+class _Text(NamedTuple):
+    """A file as it was when it was read."""
+
+    file: Path
+    content: bytes
+
+
+_Texts = Mapping[str, _Text]  # by the name that imports it; the policy's own is ""
+_read: dict[str, _Texts] = {}  # by the policy's module
+_newest: dict[Path, ModuleType] = {}
+_held = False
+
+
+def hold() -> None:
+    """From now on what has been loaded already stays, whatever becomes of its files: a drone flies what its launcher read."""
+    global _held
+    _held = True
 
 
 def load_file(path: Path) -> ModuleType:
@@ -25,51 +48,18 @@ def load_file(path: Path) -> ModuleType:
         OSError: it cannot be read. Else whatever its text raises.
     """
     path = path.absolute()
-    text = path.read_bytes()
-    name = _PREFIX + hashlib.blake2b(f"{path}\n".encode() + text, digest_size=8).hexdigest()
-    if name in sys.modules and all(_still(file, was) for file, was in _beside[name].items()):
-        return sys.modules[name]
-    for other in _borrowed:
-        sys.modules.pop(other, None)
-    _borrowed.clear()
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    code = compile(text, str(path), "exec", dont_inherit=True)
-    sys.modules[name] = module
-    before, quiet = set(sys.modules), sys.dont_write_bytecode
-    found = list(sys.path)
-    sys.path.append(str(path.parent))
-    sys.dont_write_bytecode = True
-    try:
-        exec(code, module.__dict__)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    finally:
-        sys.dont_write_bytecode = quiet
-        sys.path[:] = found
-        beside = _files_in(path.parent)
-        _borrowed.update(beside.keys() - before)
-    _beside[name] = {file: file.read_bytes() for file in sorted(beside.values())}
-    return module
-
-
-def _still(file: Path, text: bytes) -> bool:
-    return file.is_file() and file.read_bytes() == text
-
-
-def _files_in(folder: Path) -> dict[str, Path]:
-    """The modules imported from this folder, policies aside."""
-    files = {name: Path(str(getattr(module, "__file__", None))) for name, module in list(sys.modules.items())}
-    return {
-        name: file
-        for name, file in files.items()
-        if file.parent == folder
-        and file.suffix == ".py"
-        and name != "__main__"
-        and not name.startswith(_PREFIX)
-    }
+    if _held and path in _newest:
+        return _newest[path]
+    texts = _read_all(path)
+    digest = hashlib.blake2b(digest_size=8)
+    for name, text in texts.items():
+        digest.update(f"{name} {text.file} {len(text.content)}\n".encode() + text.content)
+    module_name = PREFIX + digest.hexdigest()
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.append(_Finder())
+    _read[module_name] = texts
+    _newest[path] = import_module(module_name)
+    return _newest[path]
 
 
 def classes_in(module: ModuleType) -> list[str]:
@@ -81,6 +71,122 @@ def classes_in(module: ModuleType) -> list[str]:
     ]
 
 
-def files_beside(module: ModuleType) -> list[Path]:
-    """The files beside a policy's own from which it imported, in the order of their names."""
-    return list(_beside.get(module.__name__, {}))
+def files_with(module: ModuleType) -> list[Path]:
+    """The files that were read with this one: the policy's own, and those beside it in the order of their names."""
+    return [text.file for text in _read.get(module.__name__.partition(".")[0], {}).values()]
+
+
+# --- what is read --------------------------------------------------------------------------------------------
+
+
+def _read_all(path: Path) -> _Texts:
+    """The file and all beside it that belong to it."""
+    folder, texts = path.parent, {"": _Text(path, path.read_bytes())}
+    unseen = [""]
+    while unseen:
+        name = unseen.pop()
+        for imported in _imported(name, texts[name]):
+            for part, file in _files(folder, imported):
+                if part not in texts:
+                    texts[part] = _Text(file, file.read_bytes())
+                    unseen.append(part)
+    return dict(sorted(texts.items()))
+
+
+def _imported(name: str, text: _Text) -> Iterator[str]:
+    """The dotted names that a text imports or may import."""
+    try:
+        tree = ast.parse(text.content)
+    except (SyntaxError, ValueError, RecursionError):  # whoever runs it will be told
+        return
+    package = name.split(".") if _is_package(text.file) else name.split(".")[:-1]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join([*filter(None, above), *filter(None, [node.module])])
+            yield from (f"{base}.{alias.name}".strip(".") for alias in node.names)
+
+
+def _is_package(file: Path) -> bool:
+    return file.name == "__init__.py"
+
+
+def _files(folder: Path, dotted: str) -> Iterator[tuple[str, Path]]:
+    """The modules beside the policy that importing this name runs: its packages' and its own."""
+    parts = dotted.split(".")
+    if _is_installed(parts[0], folder):
+        return
+    for length in range(1, len(parts) + 1):
+        place = folder.joinpath(*parts[:length])
+        for file in (place / "__init__.py", place.with_name(f"{place.name}.py")):
+            if file.is_file():
+                yield ".".join(parts[:length]), file
+                break
+
+
+def _is_installed(top: str, folder: Path) -> bool:
+    """Whether Python finds this module elsewhere than in ``folder``."""
+    try:
+        spec = find_spec(top)
+    except (ImportError, ValueError):
+        return top in sys.modules
+    if spec is None:
+        return False
+    places = [*filter(None, [spec.origin]), *(spec.submodule_search_locations or [])]
+    return not any(Path(place).absolute().is_relative_to(folder) for place in places)
+
+
+# --- how it is imported --------------------------------------------------------------------------------------
+
+
+class _Finder(MetaPathFinder):
+    """Finds the modules of policies among what was read, under ``PREFIX...`` for a policy and ``PREFIX....name`` beside it."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        policy, _, name = fullname.partition(".")
+        texts = _read.get(policy, {})
+        parent = any(other.startswith(f"{name}.") for other in texts)
+        if name in texts:
+            file = texts[name].file
+            loader = _Loader(texts[name], _builtins_for(policy, texts))
+            spec = spec_from_file_location(fullname, file, loader=loader)
+            assert spec is not None
+            if parent or not name or _is_package(file):
+                spec.submodule_search_locations = []  # nothing is looked for on the disk any more
+            return spec
+        if parent:  # a folder of modules without an __init__.py
+            return ModuleSpec(fullname, None, is_package=True)
+        return None
+
+
+class _Loader(Loader):
+    """Runs a text with these built-in functions."""
+
+    def __init__(self, text: _Text, functions: dict[str, Any]) -> None:
+        self._text, self._functions = text, functions
+
+    def exec_module(self, module: ModuleType) -> None:
+        vars(module)["__builtins__"] = self._functions
+        exec(compile(self._text.content, self._text.file, "exec", dont_inherit=True), vars(module))
+
+
+def _builtins_for(policy: str, texts: _Texts) -> dict[str, Any]:
+    """What is built in, but ``import`` looks among the policy's own modules first, whenever it is asked."""
+    own = {name.partition(".")[0] for name in texts if name}
+
+    def import_(
+        name: str, globals: Any = None, locals: Any = None, fromlist: Any = (), level: int = 0
+    ) -> Any:
+        top = name.partition(".")[0]
+        if level or top not in own:
+            return builtins.__import__(name, globals, locals, fromlist, level)
+        whole = import_module(f"{policy}.{name}")
+        if fromlist:
+            return builtins.__import__(whole.__name__, globals, locals, fromlist)
+        return sys.modules[f"{policy}.{top}"]
+
+    return {**vars(builtins), "__import__": import_}

@@ -11,10 +11,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
 
-from agent.policy.asking import raised, source_of
+from agent.policy.asking import call, raised, source_of
 from agent.policy.base import Policy, PolicyError
 from agent.policy.model_file import SHIPPED, shipped_models
-from agent.policy.policy_file import classes_in, files_beside, load_file
+from agent.policy.policy_file import classes_in, files_with, load_file
 from protocols.mission.document import Mission
 from protocols.mission.policy_name import MODEL_ENDING, file_of, split
 
@@ -45,12 +45,18 @@ def find_policy(name: str, mission: Mission) -> Policy:
 
         return Learned(mission, SHIPPED / f"{name}{MODEL_ENDING}" if name in shipped_models() else Path(name))
     kind = _class_called(name)
-    try:
-        made = kind(mission)
-    except Exception as error:
-        raise raised(name, error, getattr(_module_of(kind), "__file__", None)) from error
-    if not callable(getattr(made, "act", None)):
+    if not callable(kind):
+        raise PolicyError(f"policy {name}: is a {type(kind).__name__}; name a class with a method act(seen)")
+    made = call(kind, name, mission)
+    if not callable(call(getattr, name, made, "act", None)):
         raise PolicyError(f"policy {name}: has no method act(seen)")
+    files = call(getattr, name, made, "files", ())
+    try:
+        missing = [file for file in map(Path, files) if not file.is_file()]
+    except TypeError:
+        raise PolicyError(f"policy {name}: files must be paths of files, not {files!r}") from None
+    if missing:
+        raise PolicyError(f"policy {name}: files: there is no file {missing[0]}")
     return cast(Policy, made)
 
 
@@ -86,7 +92,9 @@ def _module(name: str, place: str, file: str | None) -> ModuleType:
         if error.name and f"{place}.".startswith(f"{error.name}."):
             raise PolicyError(f"policy {name}: cannot be loaded ({error})") from None
         raise raised(name, error) from error
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise raised(name, error) from error
 
 
@@ -100,10 +108,10 @@ def files_of(policy: Policy) -> tuple[Path, ...]:
 
 
 def _files_of(policy: Policy) -> Iterator[Path]:
-    source = source_of(policy)
+    source = source_of(type(policy))
     if source and not Path(source).is_relative_to(_OURS):
         yield Path(source)
         module = _module_of(type(policy))
         if module:
-            yield from files_beside(module)
+            yield from files_with(module)
     yield from map(Path, getattr(policy, "files", ()))

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stdout
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -12,6 +12,7 @@ from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
 from rsc_swarm.cli.app import Clock, FlightOptions
 from rsc_swarm.cli.output import JsonOutput
+from rsc_swarm.errors import line_of
 from rsc_swarm.flight.provenance import provenance
 from rsc_swarm.flight.report import FlightReport, agents_text, report_of
 from rsc_swarm.flight.run_dir import RunDir
@@ -70,7 +71,8 @@ def fly_once(
     """
     mission = resolve(options)
     output = JsonOutput(asked.json)
-    policy_files = files_of(find_policy(mission.policy, mission))
+    with redirect_stdout(output.beside):  # whatever a policy prints
+        policy_files = files_of(find_policy(mission.policy, mission))
     flown_with = provenance(policy_files)
     folder = RunDir(asked.run_dir) if asked.run_dir else None
     if folder:
@@ -95,7 +97,7 @@ def fly_once(
 
     with ExitStack() as asking:
         try:
-            with view:
+            with view, redirect_stdout(output.beside):
                 warm_up(mission)  # who leaves before this is done has nothing to lose
                 # From now on what was flown is told and kept, however often somebody presses Ctrl-C.
                 asking.enter_context(leave_when_asked())
@@ -108,7 +110,7 @@ def fly_once(
         errors = [told.error] if told.error else []
         errors += keep(told, partial(show, render(flown), output.beside))
     if errors:
-        print(f"rsc-swarm: {'; '.join(map(str, errors))}", file=sys.stderr)
+        print(line_of(errors[0], "; ".join(map(str, errors))), file=sys.stderr)
         return errors[0].exit_code
     return _ends(flown)
 

@@ -31,8 +31,10 @@ def _carry_out(words: list[str]) -> int:
     except Exception as error:
         if os.environ.get("RSC_SWARM_TRACEBACK"):
             raise
+        from rsc_swarm.errors import line_of
+
         code, text = _explain(error)
-        print(f"rsc-swarm: {_printable(text)}", file=sys.stderr)
+        print(line_of(error, _printable(text)), file=sys.stderr)
     return code if isinstance(code, int) else ExitCode.SUCCEEDED
 
 

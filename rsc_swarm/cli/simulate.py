@@ -9,6 +9,7 @@ from rsc_swarm.cli.app import Clock, FlightOptions, announce_compiling, app, exa
 from rsc_swarm.options import MissionOptions
 
 if TYPE_CHECKING:
+    from agent.policy import PolicyError
     from rsc_swarm.cli.fly import Flight, Told
 
 
@@ -34,6 +35,8 @@ def _fly(flight: "Flight") -> "Told":
     from world.outlets.recorder import Recorder
 
     mission, folder = flight.mission, flight.folder
-    recorder = Recorder(mission)
-    flown = fly(mission, flight.clock is Clock.realtime, flight.view.update, recorder if folder else None)
-    return Told(flown, save=partial(recorder.save, folder.trajectory) if folder else lambda: None)
+    recorder = Recorder(mission) if folder else None
+    wrong: list[PolicyError] = []
+    flown = fly(mission, flight.clock is Clock.realtime, flight.view.update, recorder, wrong.append)
+    save = partial(recorder.save, folder.trajectory) if folder and recorder else lambda: None
+    return Told(flown, save=save, error=wrong[0] if wrong else None)

@@ -3,15 +3,21 @@
 The outcome is the same whatever is watched or recorded, and the same as ``rsc-swarm launch`` has in lockstep.
 """
 
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 
 import numpy as np
 
+from agent.policy.asking import is_within
+from agent.policy.base import NotReturned, PolicyError
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from rsc_swarm.flight.simulate import Simulation
-from rsc_swarm.machine.leaving import leave_when_asked
+from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot, snapshot
@@ -19,6 +25,7 @@ from world.outlets.snapshot import Snapshot, snapshot
 _SHOW_EVERY_S = 1 / 8
 _SHOW_TICKS = 200  # and at least this often
 _LOOK_EVERY = 5  # ticks between two looks at the wall clock
+_POLICY_S = 1.0  # for a policy to return, once the flight is to be left
 
 
 def fly(
@@ -26,22 +33,25 @@ def fly(
     realtime: bool = False,
     on_snapshot: Callable[[Snapshot], None] | None = None,
     recorder: Recorder | None = None,
+    went_wrong: Callable[[PolicyError], None] | None = None,
 ) -> Flown:
     """Fly ``mission`` to its end.
+
+    Ctrl-C ends the flight as interrupted; what was flown is told like any other. A policy that then does not return is stopped.
 
     Args:
         realtime: no faster than the wall clock.
         on_snapshot: called about 8 times a second, and once at the end.
         recorder: keeps every drone's path.
-
-    Ctrl-C ends the flight as interrupted; what was flown is told like any other.
+        went_wrong: told of a policy that went wrong in flight, which then ends as interrupted; left out: that is raised.
 
     Raises:
         world.field.FieldError, agent.policy.PolicyError: as Simulation.
     """
     simulation = Simulation([mission])
     core, director = simulation.world, simulation.director
-    with leave_when_asked() as leave:
+    wrong: PolicyError | None = None
+    with _leave_even_a_policy() as leave:
         first_tick_at, begin = time.time(), time.perf_counter()
         shown = -np.inf
         if recorder:
@@ -50,8 +60,12 @@ def fly(
             if leave.asked:
                 director.leave()
             else:
-                director.tick()
-                if recorder:
+                try:
+                    director.tick()
+                except PolicyError as error:
+                    wrong = error
+                    director.leave()
+                if recorder and not wrong:
                     recorder.record(core)
             if director.clock % _LOOK_EVERY and core.active[0]:
                 continue
@@ -63,4 +77,34 @@ def fly(
                 shown = now
                 on_snapshot(snapshot(core, dict(simulation.farewell()), director.clock * TICK_S / now))
         flown = director.flown(time.perf_counter() - begin, first_tick_at)
+    if wrong:
+        if went_wrong is None:
+            raise wrong
+        went_wrong(wrong)
     return flown
+
+
+@contextmanager
+def _leave_even_a_policy() -> Iterator[Leave]:
+    """As leave_when_asked; a policy that has not returned `_POLICY_S` after that, or when asked again, is raised into."""
+
+    def hurry(_signal: int, frame: FrameType | None) -> None:
+        if is_within(frame):
+            raise NotReturned
+
+    def ask(again: bool, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGALRM, hurry)
+        signal.setitimer(signal.ITIMER_REAL, _POLICY_S, _POLICY_S)
+        if again:
+            hurry(signal.SIGALRM, frame)
+
+    with leave_when_asked() as leave:
+        before = signal.getsignal(signal.SIGALRM)
+        leave.when_asked = ask
+        try:
+            yield leave
+        finally:
+            leave.when_asked = None
+            if leave.asked and threading.current_thread() is threading.main_thread():
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+                signal.signal(signal.SIGALRM, before)

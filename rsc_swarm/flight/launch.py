@@ -19,13 +19,14 @@ from typing import Any
 import psutil
 
 from agent.body.relayed import Ending
-from agent.policy import PolicyError
+from agent.policy import PolicyError, policy_file
 from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
+from rsc_swarm.flight.busy import answer, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
@@ -43,7 +44,10 @@ from world.server.session import Clock, ServerError, WorldServer
 _GRACE_S = 2.0
 _SAVING_S = 60.0  # patience for a world that was asked to leave
 _WORLD = "world"
-_POLICY_WENT_WRONG = int(ExitCode.BAD_USAGE)  # of a drone; the last line of its log says what happened
+_POLICY_WENT_WRONG = int(
+    ExitCode.BAD_USAGE
+)  # of a drone; the last line of its log says, after this, what happened
+_POLICY_SAID = "its policy went wrong: "
 
 
 class RunBroken(BrokenError, RuntimeError):
@@ -79,12 +83,14 @@ def _agent(agent: int, endpoint: str, login: Login) -> None:
     with suppress(OSError):  # not everywhere allowed
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     gc.set_threshold(100_000)  # a tick leaves no cycles behind
+    policy_file.hold()
+    answer()
     leave = leave_on_sigterm()
     try:
         with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             print(f"agent {agent}: {fly(link, agent, lambda: leave.asked, math.inf)}", flush=True)
     except PolicyError as error:
-        print(error, flush=True)
+        print(f"{_POLICY_SAID}{error}", flush=True)
         raise SystemExit(_POLICY_WENT_WRONG) from None
 
 
@@ -115,7 +121,6 @@ class _Launch:
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
         self._pipe, theirs = Pipe()
         self._expected: set[str] = set()  # ends that this launcher brought about
-        self._policy_error: PolicyError | None = None  # of the first drone whose policy went wrong
         self.pss_mb: float | None = None
         self._so_far: Flown | None = None
         self._error: SwarmError | None = None
@@ -172,9 +177,7 @@ class _Launch:
             elif what == "apply":
                 self._apply(*said)
             elif what == "flown":
-                flown = said[0]
-                if len(flown.outcome.lost_agents) == self._mission.agents:
-                    self._error = self._error or self._policy_error
+                flown = explained(said[0], self._running())
             elif what == "saved":
                 unsaved = said[0]
                 break
@@ -182,7 +185,7 @@ class _Launch:
                 unsaved = None
                 if not leave.asked:
                     broken = RunBroken(f"{said[0]}{self._first_complaint(said[0])}")
-                    self._error = self._error or self._policy_error or broken
+                    self._error = self._error or broken
                 break
             elif what == "silent":
                 why = self._why_silent()
@@ -215,10 +218,8 @@ class _Launch:
                 self._expected.discard(end.name)
                 continue
             log = _lines(self._log(end.name))
-            if end.code == _POLICY_WENT_WRONG and log:
-                self._policy_error = self._policy_error or PolicyError(log[-1])
-                self._tell("ended", int(end.name.removeprefix("agent-")), log[-1])
-                continue
+            if end.code == _POLICY_WENT_WRONG and log and log[-1].startswith(_POLICY_SAID):
+                self._error = self._error or PolicyError(log[-1].removeprefix(_POLICY_SAID))
             complaint = next((line for line in log if line.startswith(f"{end.name}: ")), "")
             how = f"its process ({end.pid}) {end.how}{complaint and f' ({complaint})'}"
             self._tell("ended", int(end.name.removeprefix("agent-")), how)
@@ -249,6 +250,12 @@ class _Launch:
             if name != _WORLD
         ]
         return sum(sizes) / max(len(sizes), 1) / 1e6
+
+    def _running(self) -> dict[int, tuple[int, Path]]:
+        """Process and log of the drones that run."""
+        names = {agent: _name(agent) for agent in range(self._mission.agents)}
+        running = {agent: name for agent, name in names.items() if name in self._supervisor.running}
+        return {agent: (self._supervisor.pid(name), self._log(name)) for agent, name in running.items()}
 
     def _first_complaint(self, known: str) -> str:
         """The first line any process wrote about its end, for the one-line error; nothing if that is ``known``."""

@@ -30,7 +30,7 @@ class Provenance(BaseModel):
     onnxruntime: str = Field(description="version")
     policy_files: dict[str, str] = Field(
         description="SHA-256 of each file besides the project's code that decided what the policy did, by its name: "
-        "its model, or its code"
+        "its model, or its code; in a folder beside that, by the path from there"
     )
 
 
@@ -41,8 +41,17 @@ def provenance(policy_files: Sequence[Path]) -> Provenance:
         version=_version("rsc-swarm"),
         commit=commit(),
         python=platform.python_version(),
-        policy_files={file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in policy_files},
+        policy_files={_name(file, policy_files[0]): _sha256(file) for file in policy_files},
     )
+
+
+def _name(file: Path, first: Path) -> str:
+    folder = first.absolute().parent
+    return str(file.absolute().relative_to(folder)) if file.absolute().is_relative_to(folder) else file.name
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _version(name: str) -> str:

@@ -88,6 +88,7 @@ class RunDir:
                 mission = mission.model_copy(update={"policy": copied})
             write_whole(self.mission, _MARK + mission_yaml(mission))
             for name, content in copies.items():
+                (self.policy / name).parent.mkdir(parents=True, exist_ok=True)
                 write_whole(self.policy / name, content)
         except OSError as error:
             raise RunDirError(f"--run-dir {self.path}: cannot be written ({error.strerror})") from None
@@ -133,7 +134,8 @@ class RunDir:
             return False
 
 
-def _beside(named: Path, files: Sequence[Path]) -> dict[str, bytes]:
-    """By name, the content of those of ``files`` that lie where the policy's file does."""
+def _beside(named: Path, files: Sequence[Path]) -> dict[Path, bytes]:
+    """By path from there, the content of those of ``files`` that lie where the policy's file does, or in a folder beside it."""
     folder = named.absolute().parent
-    return {file.name: file.read_bytes() for file in files if file.absolute().parent == folder}
+    inside = [file.absolute() for file in files if file.absolute().is_relative_to(folder)]
+    return {file.relative_to(folder): file.read_bytes() for file in inside}

@@ -26,13 +26,19 @@ _Handler = Callable[[int, FrameType | None], None]
 
 
 class Leave:
-    """Whether this process has been asked to leave. Its loop looks at ``asked`` at least every 0.2 s. Answers signals so."""
+    """Whether this process has been asked to leave. Its loop looks at ``asked`` at least every 0.2 s. Answers signals so.
+
+    when_asked: is called too, whenever that is asked: whether it was before, and what was interrupted by it.
+    """
 
     def __init__(self) -> None:
         self.asked = False
+        self.when_asked: Callable[[bool, FrameType | None], None] | None = None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
+        again, self.asked = self.asked, True
+        if self.when_asked:
+            self.when_asked(again, frame)
 
 
 def leave_at_once() -> None:

@@ -10,7 +10,7 @@ from collections.abc import Generator, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Lock
 
@@ -177,11 +177,18 @@ def _fly_forked(mission: Mission, batches: list[list[Seeds]], workers: int) -> I
     context = get_context("fork")
     reader, writer = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(workers, context, _enlist, (reader, writer, context.Lock()))
+    others = active_children()
     try:
         with nobody_asks():
             flying = {pool.submit(fly_seeds, mission, batch) for batch in batches}  # the first one forks
         writer.close()
         yield from _hear(reader, flying)
+    except (
+        BaseException
+    ):  # nobody wants the rest any more, and a policy that does not return would never leave
+        for worker in set(active_children()).difference(others):
+            worker.kill()
+        raise
     finally:
         reader.close()
         pool.shutdown(cancel_futures=True)

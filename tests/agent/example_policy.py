@@ -19,17 +19,6 @@ class Homing:
         return np.clip(wanted, -self.limit, self.limit)
 
 
-class Nonsense:
-    """Wants what is no number at all, and more than there is."""
-
-    def __init__(self, mission: Mission) -> None:
-        pass
-
-    def act(self, seen: Seen) -> NDArray[np.float64]:
-        """Not a number, infinity, and the largest number there is, in turn."""
-        return np.full((len(seen.awake), 2), (np.nan, np.inf, -1.7e308)[seen.tick % 3])
-
-
 class Mute:
     """Has no act."""
 

@@ -13,6 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
+from agent.policy import PolicyError
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.simulate import simulate
@@ -203,6 +204,23 @@ def test_workers_leave_in_mid_flight_when_nobody_listens_any_more():
     flying.close()
     assert children() == before
     assert time.monotonic() - begin < 60
+
+
+def test_workers_in_a_policy_that_does_not_return_are_ended(tmp_path):
+    """The flight with the higher seed goes wrong, the other would never end."""
+    (tmp_path / "homing.py").write_text(
+        "class Homing:\n"
+        "    def __init__(self, mission):\n"
+        f"        self.loops = mission.seed == {SEEDS[0][1]}\n"
+        "    def act(self, seen):\n"
+        "        while self.loops and seen.tick == 9: pass\n"
+        "        assert seen.tick < 9\n"
+        "        return seen.slot_error\n"
+    )
+    policy = f"{tmp_path}/homing.py:Homing"
+    with pytest.raises(PolicyError, match=r"raised AssertionError at .*homing.py:6 \(act\)"):
+        list(fly_all(SHORT.model_copy(update={"policy": policy}), SEEDS[:2], 2))
+    assert not psutil.Process().children()
 
 
 def test_a_map_without_room_is_named():

@@ -69,12 +69,16 @@ def test_a_second_flight_replaces_the_first_only_if_that_is_asked_for(tmp_path):
 
 def test_a_policy_of_ones_own_lies_in_it_and_is_found_from_anywhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "homing.py").write_text("from my_gains_of_rundir import GAIN\n" + HOMING)
-    (tmp_path / "my_gains_of_rundir.py").write_text("GAIN = 1.0\n")
+    text = HOMING.replace("return GAIN", "from my_gains import GAIN\n        return GAIN")
+    (tmp_path / "homing.py").write_text(text)
+    (tmp_path / "my_gains.py").write_text("from more.gains import GAIN\n")
+    (tmp_path / "more").mkdir()
+    (tmp_path / "more" / "gains.py").write_text("GAIN = 1.0\n")
     mission = SMALL.model_copy(update={"policy": "homing.py:Homing"})
     folder = RunDir(tmp_path / "flights" / "1")
     files = files_of(find_policy(mission.policy, mission))
     folder.begin(mission, files)
+    assert list(provenance(files).policy_files) == ["homing.py", "more/gains.py", "my_gains.py"]
     first = fly(mission).outcome.digest
     for file in files:
         file.unlink()
@@ -86,7 +90,8 @@ def test_a_policy_of_ones_own_lies_in_it_and_is_found_from_anywhere(tmp_path, mo
     assert provenance(files[:0]).policy_files == {}
     folder.begin(kept, again, overwrite=True)  # into its own folder
     assert parse_mission(read_mission_fields(folder.mission)) == kept
-    assert sorted(path.name for path in folder.policy.glob("*.py")) == ["homing.py", "my_gains_of_rundir.py"]
+    kept_files = sorted(str(path.relative_to(folder.policy)) for path in folder.policy.rglob("*.py"))
+    assert kept_files == ["homing.py", "more/gains.py", "my_gains.py"]
 
 
 def test_what_lies_elsewhere_is_not_copied(tmp_path):

@@ -3,6 +3,8 @@
 import pytest
 
 import rsc_swarm as rs
+from rsc_swarm.flight.run_dir import RunDirError
+from world.field import FieldError
 
 
 def test_a_launch_from_a_program_is_the_flight_of_its_simulation(tmp_path):
@@ -15,6 +17,32 @@ def test_a_launch_from_a_program_is_the_flight_of_its_simulation(tmp_path):
     assert (tmp_path / "run" / "logs" / "agent-1.log").is_file()
 
 
-def test_what_a_launcher_refuses_is_raised_here_in_its_words():
-    with pytest.raises(rs.MissionError, match=r"^policy nowhere.py:Mine: nowhere.py cannot be read"):
+HOMING = """
+class Homing:
+    def __init__(self, mission):
+        pass
+
+    def act(self, seen):
+        if seen.tick == 20:
+            raise KeyError("oops")
+        return seen.slot_error
+"""
+
+
+def test_what_a_launcher_refuses_is_raised_here_in_its_words_and_as_its_kind(tmp_path):
+    with pytest.raises(rs.PolicyError, match=r"^policy nowhere.py:Mine: nowhere.py cannot be read"):
         rs.launch(rs.mission(policy="nowhere.py:Mine"))
+    crowded = rs.mission(agents=2, start={"gap_m": 50}, obstacles={"discs": []})
+    with pytest.raises(FieldError, match=r"^agent 1 finds no free place within start.radius_m"):
+        rs.launch(crowded)
+    (tmp_path / "something").write_text("else")
+    with pytest.raises(RunDirError, match="holds other things than a flight"):
+        rs.launch(rs.mission(agents=2), run_dir=tmp_path)
+
+
+def test_a_policy_that_raises_in_a_launch_is_the_policys_error_as_in_a_simulation(tmp_path):
+    (tmp_path / "homing.py").write_text(HOMING)
+    mission = rs.mission(agents=2, policy=f"{tmp_path}/homing.py:Homing")
+    for fly in (rs.simulate, rs.launch):
+        with pytest.raises(rs.PolicyError, match=r"raised KeyError: 'oops' at .*homing.py:8 \(act\)$"):
+            fly(mission)

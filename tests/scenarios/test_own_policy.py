@@ -2,10 +2,13 @@
 
 import json
 import os
+import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,8 +21,8 @@ class Homing:
         pass
 
     def act(self, seen):
-        if seen.tick == {raises_at}:
-            raise KeyError("oops")
+        if seen.tick == {at}:
+            {does}
         return GAIN * seen.slot_error + 2.0 * (seen.target_velocity - seen.velocity)
 """
 
@@ -43,7 +46,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_launch_by_a_file_is_the_flight_of_its_simulation(folder: Path) -> None:
-    (folder / "homing.py").write_text(POLICY.format(raises_at=-1))
+    (folder / "homing.py").write_text(POLICY.format(at=-1, does="pass"))
     digests = []
     for verb in ("simulate", "launch"):
         said = swarm(folder, verb, "-n", "3", "--policy", "homing.py:Homing", "--json", "-")
@@ -54,9 +57,61 @@ def test_a_launch_by_a_file_is_the_flight_of_its_simulation(folder: Path) -> Non
 
 @pytest.mark.parametrize("verb", ["simulate", "launch", "evaluate --maps 2 --starts 1 --workers 2"])
 def test_a_policy_that_raises_is_one_line_with_its_place(folder: Path, verb: str) -> None:
-    (folder / "homing.py").write_text(POLICY.format(raises_at=60))
+    (folder / "homing.py").write_text(POLICY.format(at=60, does="raise KeyError('oops')"))
     said = swarm(folder, *verb.split(), "-n", "3", "--policy", "homing.py:Homing")
     assert said.returncode == 2, said.stderr
     assert said.stdout == ""
     line = "rsc-swarm: policy homing.py:Homing raised KeyError: 'oops' at homing.py:11 (act)"
     assert said.stderr.splitlines()[-1] == line
+
+
+def test_what_was_flown_before_a_policy_raised_is_kept(folder: Path) -> None:
+    (folder / "homing.py").write_text(POLICY.format(at=60, does="raise KeyError('oops')"))
+    said = swarm(
+        folder, "simulate", "-n", "3", "--policy", "homing.py:Homing", "--run-dir", "run", "--json", "r.json"
+    )
+    assert said.returncode == 2
+    kept = json.loads((folder / "r.json").read_text())
+    assert kept == json.loads((folder / "run" / "report.json").read_text())
+    assert (kept["success"], kept["failure"], kept["ticks"]) == (False, "interrupted", 60)
+    assert kept["detail"].endswith("policy homing.py:Homing raised KeyError: 'oops' at homing.py:11 (act)")
+    assert (folder / "run" / "report.txt").read_text().startswith("STOPPED: interrupted at t = 0.60 s: ")
+    with np.load(folder / "run" / "trajectory.npz") as saved:
+        assert len(saved["positions"]) == 61
+
+
+def test_ctrl_c_names_a_policy_that_does_not_return(folder: Path) -> None:
+    told = "print('in it', flush=True)\n            "
+    (folder / "homing.py").write_text(POLICY.format(at=7, does=told + "while True: pass"))
+    words = ["simulate", "-n", "3", "--policy", "homing.py:Homing", "--run-dir", "run"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "rsc_swarm.cli.main", *words], cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as run:  # fmt: skip
+        assert run.stdout
+        assert run.stdout.readline() == "in it\n"
+        run.send_signal(signal.SIGINT)
+        _, errors = run.communicate(timeout=60)
+    assert run.returncode == 130
+    line = "rsc-swarm: policy homing.py:Homing did not return: it was stopped at homing.py:12 (act)"
+    assert errors.splitlines()[-1] == line
+    assert json.loads((folder / "run" / "report.json").read_text())["ticks"] == 7
+
+
+def test_a_launch_names_the_policy_in_which_a_drone_is_lost(folder: Path) -> None:
+    (folder / "homing.py").write_text(POLICY.format(at="9 and 1 in seen.me", does="while True: pass"))
+    said = swarm(folder, "launch", "-n", "3", "--policy", "homing.py:Homing", "--clock", "realtime")
+    assert said.returncode == 3
+    assert re.fullmatch(
+        r"rsc-swarm: agent 1 was lost at t = [\d.]+ s: it has not answered for 5 s; "
+        r"its policy has not returned from homing\.py:11 \(act\)",
+        said.stderr.splitlines()[-1],
+    )
+
+
+def test_a_policy_may_print(folder: Path) -> None:
+    (folder / "my_gains.py").write_text("print('read')\nGAIN = 1.0\n")
+    (folder / "homing.py").write_text(POLICY.format(at=3, does="print('here')"))
+    said = swarm(folder, "simulate", "-n", "3", "--policy", "homing.py:Homing", "--json", "-")
+    assert json.loads(said.stdout)["policy"] == "homing.py:Homing"
+    assert said.stderr.splitlines().count("here") == said.stderr.splitlines().count("read") == 1
