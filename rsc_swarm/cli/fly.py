@@ -85,7 +85,8 @@ def fly_once(
 
     def report(told: Told) -> FlightReport:
         figures = (told.first_tick_s, told.pss_mb, flown_with)
-        return report_of(told.flown, mission, mode, asked.clock.value, again, *figures)
+        made = report_of(told.flown, mission, mode, asked.clock.value, again, *figures)
+        return made.model_copy(update={"detail": f"{made.detail}; {told.error}"}) if told.error else made
 
     def keep(told: Told, *first: Callable[[], None]) -> list[SwarmError]:
         """Keep it, but do ``first`` first; what went wrong."""
