@@ -165,7 +165,9 @@ def launch(
         if done.returncode == ExitCode.INTERRUPTED:
             raise KeyboardInterrupt
         kept = folder / "report.json"
-        report = FlightReport.model_validate_json(kept.read_text(encoding="utf-8")) if kept.is_file() else None
+        report = (
+            FlightReport.model_validate_json(kept.read_text(encoding="utf-8")) if kept.is_file() else None
+        )
         if report and report.failure == "broken":
             raise RunBroken(report.detail)
         if done.returncode not in _FLOWN or not report:

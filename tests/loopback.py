@@ -14,7 +14,7 @@ from protocols.wire import messages
 from protocols.wire.messages import Bye, Farewell, Hello, Ready, Reply, Tick, Wait, Welcome
 from world.outcome import Flown
 from world.outlets.snapshot import Snapshot
-from world.server.ports import Lost
+from world.server.ports import STRUCK_OFF, Lost
 from world.server.session import Clock, WorldServer
 
 Meddle = Callable[[int, int, bytes], list[bytes]]  # agent, tick, its reply -> what reaches the world instead
@@ -96,7 +96,7 @@ class Loopback:
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
         self.applied.append((kind, agents))
         for agent in agents:
-            if kind in ("kill", "restart"):
+            if kind in ("kill", "restart", STRUCK_OFF):
                 self._alive.discard(agent)
             if kind == "restart":
                 self._alive.add(agent)

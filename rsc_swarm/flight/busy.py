@@ -27,23 +27,23 @@ def answer() -> None:
     faulthandler.register(_ASK, file=sys.stderr, all_threads=True)
 
 
-def explained(flown: Flown, process: Mapping[int, tuple[int, Path]]) -> Flown:
-    """The same flight; of the drones that were struck off it says in which policy they are, if that has not returned.
-
-    Args:
-        process: of the drones that run: number and log.
-    """
+def explained(flown: Flown, busy: Mapping[int, str]) -> Flown:
+    """The same flight; of the drones that were struck off it says in which policy they were ``busy``."""
     struck_off = [
-        one._replace(why=f"{one.why}; its policy has not returned from {place}")
-        if one.agent in process and (place := _busy_at(*process[one.agent]))
+        one._replace(why=f"{one.why}; its policy has not returned from {busy[one.agent]}")
+        if one.agent in busy
         else one
         for one in flown.outcome.struck_off
     ]
     return replace(flown, outcome=replace(flown.outcome, struck_off=tuple(struck_off)))
 
 
-def _busy_at(process: int, log: Path) -> str | None:
-    """Where in a policy this process is, as ``homing.py:14 (act)``; None if in none, or if it does not say."""
+def busy_at(process: int, log: Path) -> str | None:
+    """Where in a policy this process is, as ``homing.py:14 (act)``; None if in none, or if it does not say.
+
+    Args:
+        log: where what the process writes goes.
+    """
     begin = log.stat().st_size
     os.kill(process, _ASK)
     deadline = time.monotonic() + _ANSWER_S

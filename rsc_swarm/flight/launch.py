@@ -26,7 +26,7 @@ from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from rsc_swarm.flight.busy import answer, explained
+from rsc_swarm.flight.busy import answer, busy_at, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
@@ -38,7 +38,7 @@ from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
 from world.server.link import WorldLink
-from world.server.ports import NoControl
+from world.server.ports import STRUCK_OFF, NoControl
 from world.server.session import Clock, ServerError, WorldServer
 
 _GRACE_S = 2.0
@@ -124,6 +124,7 @@ class _Launch:
         self.pss_mb: float | None = None
         self._so_far: Flown | None = None
         self._error: SwarmError | None = None
+        self._busy: dict[int, str] = {}  # drone that was struck off -> where its policy was
         self._start(_WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, *keeping)
         theirs.close()
         for agent in range(mission.agents):
@@ -177,7 +178,7 @@ class _Launch:
             elif what == "apply":
                 self._apply(*said)
             elif what == "flown":
-                flown = explained(said[0], self._running())
+                flown = explained(said[0], self._busy)
             elif what == "saved":
                 unsaved = said[0]
                 break
@@ -235,6 +236,8 @@ class _Launch:
                 self._supervisor.thaw(name)
             else:
                 if name in self._supervisor.running:
+                    if kind == STRUCK_OFF and (place := busy_at(self._supervisor.pid(name), self._log(name))):
+                        self._busy[agent] = place
                     self._expected.add(name)
                     self._supervisor.kill(name)
                     while name in self._supervisor.running:
@@ -250,12 +253,6 @@ class _Launch:
             if name != _WORLD
         ]
         return sum(sizes) / max(len(sizes), 1) / 1e6
-
-    def _running(self) -> dict[int, tuple[int, Path]]:
-        """Process and log of the drones that run."""
-        names = {agent: _name(agent) for agent in range(self._mission.agents)}
-        running = {agent: name for agent, name in names.items() if name in self._supervisor.running}
-        return {agent: (self._supervisor.pid(name), self._log(name)) for agent, name in running.items()}
 
     def _first_complaint(self, known: str) -> str:
         """The first line any process wrote about its end, for the one-line error; nothing if that is ``known``."""

@@ -24,7 +24,7 @@ from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
 from world.server.link import WorldLink
-from world.server.ports import Lost
+from world.server.ports import STRUCK_OFF, Lost
 from world.server.session import Clock, WorldServer
 
 _STOPPED = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
@@ -53,7 +53,7 @@ class PipeControl:
             self._alone = True
 
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
-        if kind in ("kill", "freeze", "thaw", "restart"):
+        if kind in ("kill", "freeze", "thaw", "restart", STRUCK_OFF):
             self.tell("apply", kind, agents)
 
     def lost(self) -> list[Lost]:

@@ -17,7 +17,7 @@ from rsc_swarm.flight.simulate import simulate
 from tests.loopback import Hosted, Loopback, fly
 from world.outcome import Flown, StruckOff
 from world.server import patience, peer, running_time, session
-from world.server.ports import Lost
+from world.server.ports import STRUCK_OFF, Lost
 from world.server.session import Clock, ServerError, WorldServer
 
 REPLY = messages._KINDS.index(Reply)
@@ -186,7 +186,7 @@ def test_a_drone_that_never_answers_breaks_the_run_by_name() -> None:
     flown = WorldServer(mission(), swarm, "lockstep", swarm).run()
     assert_struck_off(flown, 2, 0.0, SILENT)
     assert swarm.waits > 0, "the others are told meanwhile that the world lives"
-    assert swarm.applied == [("kill", (2,))], "its process, if it has one, is ended"
+    assert swarm.applied == [(STRUCK_OFF, (2,))], "its process, if it has one, is ended"
 
 
 def test_no_fault_of_the_mission_brings_back_who_was_struck_off() -> None:

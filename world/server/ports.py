@@ -21,11 +21,14 @@ class Lost(NamedTuple):
     why: str
 
 
+STRUCK_OFF = "struck off"
+
+
 class Control(Protocol):
     """Whoever runs the processes: the launcher at the other end of a pipe, or nobody."""
 
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
-        """Do this to the drones' processes: kill, freeze, thaw or restart."""
+        """Do this to the drones' processes: kill, freeze, thaw, restart; or end those of drones that were `STRUCK_OFF`."""
 
     def lost(self) -> list[Lost]:
         """Drones whose processes have ended since the last call."""

@@ -31,7 +31,7 @@ from world.outcome import Flown
 from world.outlets.snapshot import snapshot
 from world.server.patience import Patience
 from world.server.peer import BACKLOG, Peer
-from world.server.ports import Control, Link, Lost
+from world.server.ports import STRUCK_OFF, Control, Link, Lost
 from world.server.running_time import RunningTime
 
 Clock = Literal["lockstep", "realtime"]
@@ -151,7 +151,7 @@ class WorldServer:
     def struck_off(self, row: int) -> None:
         """It is over for this drone: it is told so, and whoever runs its process ends it."""
         self._send(row, messages.Bye())
-        self._control.apply("kill", (row,))
+        self._control.apply(STRUCK_OFF, (row,))
 
     def ask(self, tick: int, inbox: Inbox) -> Answers | None:
         """What the drones answer to this tick; None if the world is asked to leave."""
