@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from protocols import kernels
-from protocols.kernels import cache_folder, fingerprint, kernel, release_compiler, sources_of
+from protocols import kept
+from protocols.kept import cache_folder, fingerprint, sources_of
+from protocols.kernels import kernel, release_compiler
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
@@ -100,7 +101,7 @@ def fresh_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Pat
     """A folder of our own that nothing has looked at; where else one might look there is nothing."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     monkeypatch.setenv("HOME", str(tmp_path / "nothing" / "home"))
-    monkeypatch.setattr(kernels.tempfile, "gettempdir", lambda: "/dev/null/nowhere")
+    monkeypatch.setattr(kept.tempfile, "gettempdir", lambda: "/dev/null/nowhere")
     (tmp_path / "nothing").touch()
     (tmp_path / "xdg").mkdir()
     cache_folder.cache_clear()
@@ -140,7 +141,9 @@ def test_a_kernel_is_named_after_every_file_that_its_module_loads(module: str) -
 
 def test_two_checkouts_share_what_either_compiled(checkout: Path, home: Path, tmp_path: Path) -> None:
     other = place(tmp_path / "elsewhere" / "deep")
-    name = "import pathlib, protocols.kernels as k; print(k.fingerprint(pathlib.Path('agent/tick.py').resolve()))"
+    name = (
+        "import pathlib, protocols.kept as k; print(k.fingerprint(pathlib.Path('agent/tick.py').resolve()))"
+    )
     expected = fingerprint(ROOT / "agent" / "tick.py")
     assert run(checkout, home, "-c", name) == run(other, home, "-c", name) == expected
     run(checkout, home, "-c", CLIP)
@@ -195,7 +198,7 @@ def test_without_a_home_kernels_are_kept_among_temporary_files(
 
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(Path, "home", homeless)
-    monkeypatch.setattr(kernels.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(kept.tempfile, "gettempdir", lambda: str(tmp_path))
     assert cache_folder() == tmp_path / f"rsc-swarm-cache-{os.getuid()}"
 
 

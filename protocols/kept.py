@@ -1,0 +1,224 @@
+"""Where machine code is kept, and what it is named after.
+
+What is kept is named after all that decides it: the text of every project file that the kernel's module imports, however far
+down, and the versions it was compiled with. So an edit anywhere that could matter compiles again, a process never flies a rule
+other than the one in its sources, and two checkouts of the same text share what either compiled. Kernels of files outside
+the project are compiled anew in every process: what they depend on is not known here.
+
+Importing touches no folder. Compiled code is unpickled, so a folder is taken only if it is ours and only we may write to it.
+"""
+
+import hashlib
+import os
+import pickle
+import re
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core import caching
+from numba.core.serialize import dumps
+
+from protocols.whole_file import WriteError, write_whole
+
+_ROOT = Path(__file__).resolve().parents[1]
+_PACKAGES = "protocols|agent|world|rsc_swarm"
+_IMPORT = re.compile(
+    rf"^[ \t]*(?:from|import)[ \t]+((?:{_PACKAGES})(?:\.\w+)*)\b(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n#]+))?",
+    re.MULTILINE,
+)
+_DIGEST_BYTES = 8
+_KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
+
+
+def _files_of(module: str) -> Iterator[Path]:
+    """The project files that importing ``module`` runs: its packages' and its own."""
+    parts = module.split(".")
+    for length in range(1, len(parts) + 1):
+        place = _ROOT.joinpath(*parts[:length])
+        yield from (file for file in (place / "__init__.py", place.with_suffix(".py")) if file.is_file())
+
+
+@cache
+def _imports(file: Path) -> frozenset[Path]:
+    found: set[Path] = set()
+    for module, names in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        found.update(_files_of(module))
+        for name in re.findall(r"\w+", names):
+            found.update(_files_of(f"{module}.{name}"))
+    return frozenset(found)
+
+
+@cache
+def sources_of(file: Path) -> tuple[Path, ...]:
+    """All project files whose text decides what a kernel in ``file`` does: its own, its packages', and what these import,
+    however far down."""
+    open_ = list(_files_of(".".join(file.relative_to(_ROOT).with_suffix("").parts)))
+    known = set(open_)
+    while open_:
+        for path in _imports(open_.pop()) - known:
+            known.add(path)
+            open_.append(path)
+    return tuple(sorted(known))
+
+
+@cache
+def fingerprint(file: Path) -> str:
+    """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
+    versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
+    digest = hashlib.blake2b(repr(versions).encode(), digest_size=_DIGEST_BYTES)
+    for path in sources_of(file):
+        text = path.read_bytes()
+        digest.update(f"{path.relative_to(_ROOT)} {len(text)}\n".encode() + text)
+    return digest.hexdigest()
+
+
+def _bases() -> Iterator[Path]:
+    places = [Path(os.environ.get("XDG_CACHE_HOME", ""))]
+    with suppress(RuntimeError):  # no home
+        places.append(Path.home() / ".cache")
+    yield from (place / "rsc-swarm" for place in places if place.is_absolute())
+    with suppress(OSError):  # no room for temporary files
+        yield Path(tempfile.gettempdir()) / f"rsc-swarm-cache-{os.getuid()}"
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether nobody else could have put something into ``folder``: a folder, no link, ours, and only we may write to it."""
+    status = folder.lstat()
+    only_we = not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and only_we
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept; None where no folder can be written to and trusted. Made at the first call."""
+    for base in _bases():
+        try:
+            base.mkdir(parents=True, exist_ok=True, mode=0o700)
+            if _is_ours(base) and os.access(base, os.R_OK | os.W_OK | os.X_OK):
+                return base
+        except OSError:
+            continue
+    return None
+
+
+def _digest(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=_DIGEST_BYTES).digest()
+
+
+class _Place(caching._CacheLocator):
+    """Names what is kept; numba looks at the file's time and path instead."""
+
+    def __init__(self, function: Callable[..., Any], file: Path) -> None:
+        self._file, self._line = file, function.__code__.co_firstlineno
+        self._py_file = str(file)  # for numba's warnings
+
+    def get_cache_path(self) -> str:
+        return ""  # not known before it is needed: `Kept`
+
+    def ensure_cache_path(self) -> None:
+        pass  # `Kept` has made it
+
+    def get_source_stamp(self) -> str:
+        return fingerprint(self._file)
+
+    def get_disambiguator(self) -> str:
+        return f"{self._file.relative_to(_ROOT).parent}".replace("/", ".") + f"-{self._line}"
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> "_Place":
+        return cls(function, _file_of(function))
+
+
+class _Form(caching.CompileResultCacheImpl):
+    _locator_classes = [_Place]  # noqa: RUF012
+
+
+class _Files:
+    """One file for each compiled form of one kernel, named after what it was compiled for.
+
+    numba's own index of all forms can be left pointing at another form when two processes write to it at once. A file that is
+    damaged counts as missing.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.folder = Path()
+
+    def load(self, key: object) -> Any:
+        try:
+            kept = self._path(key).read_bytes()
+        except OSError:
+            return None
+        digest, data = kept[:_DIGEST_BYTES], kept[_DIGEST_BYTES:]
+        return pickle.loads(data) if digest == _digest(data) else None
+
+    def save(self, key: object, compiled: object) -> None:
+        data, path = dumps(compiled), self._path(key)
+        write_whole(path, _digest(data) + data)
+
+    def _path(self, key: object) -> Path:
+        return self.folder / f"{self._name}.{_digest(repr(key).encode()).hex()}.nbc"
+
+
+class Kept(caching.Cache):
+    """The compiled forms of one kernel, in a folder that is looked for only when there is something to load or keep."""
+
+    _impl_class = _Form  # type: ignore[assignment]
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        self._stamp = fingerprint(_file_of(function))
+        self._files = _Files(self._impl.filename_base)
+        self._cache_file = self._files  # type: ignore[assignment]
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        return super().load_overload(signature, target) if self.find_folder() else None  # type: ignore[no-untyped-call]
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        folder = self.find_folder()
+        if folder is None:
+            return
+        with suppress(OSError, WriteError):  # no room, say: then it is compiled again next time
+            if not folder.exists():
+                folder.mkdir(exist_ok=True, mode=0o700)
+                _sweep(folder)
+            super().save_overload(signature, data)  # type: ignore[no-untyped-call]
+
+    def find_folder(self) -> Path | None:
+        """Where the forms are or will be kept; None if nowhere that can be trusted."""
+        base = cache_folder()
+        if base is None:
+            return None
+        folder = self._files.folder = base / f"kernels-{self._stamp}"
+        try:
+            return folder if _is_ours(folder) else None
+        except FileNotFoundError:
+            return folder
+        except OSError:
+            return None
+
+
+def _sweep(newest: Path) -> None:
+    """Remove what no version has compiled for long before ``newest`` was made."""
+    for path in newest.parent.glob("kernels-*"):
+        if newest.stat().st_mtime - path.stat().st_mtime > _KEPT_S:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _file_of(function: Callable[..., Any]) -> Path:
+    return Path(function.__code__.co_filename).resolve()
+
+
+def is_ours(function: Callable[..., Any]) -> bool:
+    """Whether ``function`` is the project's: what those of other files depend on is not known here."""
+    return _file_of(function).is_relative_to(_ROOT)
