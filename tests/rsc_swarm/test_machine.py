@@ -100,9 +100,7 @@ def test_a_terminal_of_one_column_shows_the_report() -> None:
 def test_nowhere_to_keep_compiled_rules_is_no_error_and_leaves_nothing(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    code = (
-        "from protocols.kept import cache_folder; f = cache_folder(); print(f is None or f.is_absolute())"
-    )
+    code = "from protocols.kept import cache_folder; f = cache_folder(); print(f is None or f.is_absolute())"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path / "tmp"), **environment}
     (tmp_path / "tmp").mkdir()
     said = subprocess.run(
