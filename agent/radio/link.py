@@ -17,7 +17,6 @@ from typing import Any
 
 import zenoh
 
-from agent.radio.why_not import why_not
 from protocols.closing import Closing
 from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
@@ -71,6 +70,8 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
             config.insert_json5(name, json.dumps(value))
         return zenoh.open(config)
     except zenoh.ZError as error:
+        from agent.radio.why_not import why_not  # loads what only this needs
+
         raise LinkError(why_not(endpoint, login, timeout_s)) from error
 
 
@@ -136,7 +137,7 @@ class AgentLink(Closing):
                 if time.monotonic() > deadline:
                     raise LinkError(
                         f"the world at {endpoint} does not hear agent {login.agent} of {login.swarm!r}: "
-                        "use the login that this launch of the world made for this agent"
+                        "use the file that was made for this agent together with the world's"
                     )
                 time.sleep(_LOOK_AGAIN_S)
         except BaseException:

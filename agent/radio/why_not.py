@@ -141,7 +141,7 @@ def _is_world(answer: bytes) -> bool:
 def _refused(endpoint: str, agent: int) -> str:
     return (
         f"the world at {endpoint} does not let {user(agent)} in: "
-        "use the login that this launch of the world made for this agent"
+        "use the file that was made for this agent together with the world's"
     )
 
 

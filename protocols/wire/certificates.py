@@ -130,7 +130,7 @@ def refuse_other_address(certificates: Certificates, host: str) -> None:
         ]
     except (x509.ExtensionNotFound, *_UNREADABLE):
         known = []
-    if host not in known:
+    if _canonical(host) not in map(_canonical, known):
         raise ValueError(
             f"its certificate is for {', '.join(known) or 'no address'}, not for {host}: no drone would trust it there; "
             f"listen where it is for, or make new keys with 'rsc-swarm keys --world {host}'"
@@ -181,6 +181,13 @@ def _address(text: str) -> x509.GeneralName:
                 f"{text!r} is not an address of the world: give an IP address such as 10.0.0.1 or a host name, without a port"
             ) from None
         return x509.DNSName(text)
+
+
+def _canonical(host: str) -> str:
+    try:
+        return str(ipaddress.ip_address(host))
+    except ValueError:
+        return host.lower()
 
 
 def _pem(certificate: x509.Certificate) -> str:

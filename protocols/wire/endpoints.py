@@ -7,6 +7,7 @@
 import ipaddress
 import re
 
+from protocols.errors import SwarmError
 from protocols.wire.keys import LinkError
 
 SECRET = ("tls", "quic")
@@ -15,6 +16,10 @@ ANYWHERE = ("0.0.0.0", "::")  # every address of a machine
 
 # The protocols that both ends speak; what follows the port is left to Zenoh.
 _ENDPOINT = re.compile(r"unixsock-stream/.+|(tcp|tls|quic|ws)/.+:\d+.*")
+
+
+class PlainTextError(SwarmError, RuntimeError):
+    """Plain text would leave this machine, and nobody said that it may."""
 
 
 def checked_endpoint(endpoint: str) -> str:
@@ -54,10 +59,10 @@ def stays_here(endpoint: str) -> bool:
 
 
 def refuse_plain_text(endpoint: str) -> None:
-    """Raises LinkError if what passes there could be read and changed on its way."""
+    """Raises PlainTextError if what passes there could be read and changed on its way, LinkError if it is no endpoint."""
     if not is_secret(endpoint) and not stays_here(endpoint):
         address = endpoint.partition("/")[2]
-        raise LinkError(
+        raise PlainTextError(
             f"{endpoint} is plain text, which everybody on the way can read and change: make keys once with "
             f"'rsc-swarm keys' and use tls/{address}, or say --plain-text (inside a VPN, say)"
         )

@@ -80,7 +80,7 @@ def read_login(file: Path, agent: int, endpoint: str, plain_text: bool) -> Login
 
     Raises:
         KeyFileError: it cannot be read, is no login, is another drone's, or others may read it.
-        protocols.wire.keys.LinkError: the way there is plain text, and nobody said that it may be.
+        protocols.wire.endpoints.PlainTextError: the way there is plain text, and nobody said that it may be.
     """
     if not plain_text:
         refuse_plain_text(endpoint)
@@ -114,7 +114,7 @@ def read_credentials(path: Path, swarm: str, agents: int) -> Credentials:
 
 
 def check_listening(listen: Sequence[str], plain_text: bool) -> None:
-    """Raises protocols.wire.keys.LinkError if one of them is plain text, off this machine, and nobody said that it may be."""
+    """Raises protocols.wire.endpoints.PlainTextError if one of them carries plain text off this machine unasked."""
     for endpoint in listen:
         if not plain_text and not is_secret(endpoint):
             refuse_plain_text(endpoint)

@@ -16,7 +16,14 @@ from protocols.wire.certificates import (
     refuse_other_address,
     refuse_out_of_date,
 )
-from protocols.wire.endpoints import checked_endpoint, is_secret, refuse_plain_text, split, stays_here
+from protocols.wire.endpoints import (
+    PlainTextError,
+    checked_endpoint,
+    is_secret,
+    refuse_plain_text,
+    split,
+    stays_here,
+)
 from protocols.wire.keys import LinkError, user
 from protocols.wire.login import Certificates, Login
 
@@ -32,7 +39,7 @@ def test_what_was_made_is_good_for_whom_it_was_made() -> None:
     for agent, certificates in enumerate(MADE.agents):
         checked_certificates(certificates, user(agent))
     checked_certificates(MADE.world, WORLD)
-    for address in ("10.0.0.1", "fe80::1", "world.example"):
+    for address in ("10.0.0.1", "fe80::1", "FE80:0::1", "world.example", "World.Example"):
         refuse_other_address(MADE.world, address)
 
 
@@ -135,7 +142,7 @@ def test_plain_text_leaves_this_machine_only_by_an_explicit_word(
     if secret or here:
         refuse_plain_text(endpoint)
         return
-    with pytest.raises(LinkError, match=r"plain text.*rsc-swarm keys.*use tls/.*--plain-text"):
+    with pytest.raises(PlainTextError, match=r"plain text.*rsc-swarm keys.*use tls/.*--plain-text"):
         refuse_plain_text(endpoint)
 
 

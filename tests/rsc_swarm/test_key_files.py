@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from protocols.errors import SwarmError
-from protocols.wire.keys import LinkError
+from protocols.wire.endpoints import PlainTextError
 from protocols.wire.login import Login
 from rsc_swarm.flight.key_files import (
     KeyFileError,
@@ -143,8 +143,8 @@ def test_plain_text_is_only_by_an_explicit_word(folder: Path) -> None:
     away, here = "tcp/10.0.0.1:7447", "tcp/127.0.0.1:7447"
     check_listening([TLS, here], plain_text=False)
     check_listening([TLS, here, away], plain_text=True)
-    with pytest.raises(LinkError, match="plain text"):
+    with pytest.raises(PlainTextError, match="plain text"):
         check_listening([TLS, here, away], plain_text=False)
     assert read_login(folder / "agent-1.json", 1, away, plain_text=True)
-    with pytest.raises(LinkError, match="plain text"):
+    with pytest.raises(PlainTextError, match="plain text"):
         read_login(folder / "agent-1.json", 1, away, plain_text=False)

@@ -285,7 +285,7 @@ def test_two_agents_find_no_side_door_to_each_other(world: WorldLink, endpoint: 
     ],
 )
 def test_a_wrong_login_does_not_get_in(world: WorldLink, endpoint: str, wrong: dict[str, Any]) -> None:
-    with pytest.raises(LinkError, match="use the login that this launch of the world made") as caught:
+    with pytest.raises(LinkError, match="use the file that was made for this agent") as caught:
         AgentLink(endpoint, replace(LOGINS[0], **wrong), connect_timeout_s=0.3)
     assert "\n" not in str(caught.value)
 
