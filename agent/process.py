@@ -78,7 +78,7 @@ def rehearse(mission: Mission) -> None:
     world = RelayedWorld(0)
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0, world, world, rehearsal=True)
     for tick in range(2):
-        world.take(Tick(tick, tick - 1, SensedPacker(empty_sensed(1)).pack(0), b"", []))
+        world.take(Tick(tick, 0, tick - 1, SensedPacker(empty_sensed(1)).pack(0), b"", []))
         drone.act(tick)
     release_compiler()
 

@@ -52,6 +52,7 @@ class Loopback:
         self.process = {agent: 100 + agent for agent in range(mission.agents)}
         self.pictures: list[Snapshot] = []
         self.waits = 0
+        self.refused: dict[int, int] = {}  # messages of each that a link would have turned away
         self.applied: list[tuple[str, tuple[int, ...]]] = []
         self.leave_at: int | None = None  # tick
         self._meddle = meddle or (lambda agent, tick, reply: [reply])
@@ -92,6 +93,12 @@ class Loopback:
         if timeout_s > 0:
             time.sleep(min(timeout_s, _NAP_S))
         return None
+
+    def turned_away(self, agent: int) -> int:
+        return self.refused.get(agent, 0)
+
+    def bar(self, agent: int) -> None:
+        self._alive.discard(agent)
 
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
         self.applied.append((kind, agents))

@@ -57,7 +57,7 @@ class RelayedWorld:
         self._process = process
         self._sensed = empty_sensed(1)
         self._reader = SensedReader(self._sensed)
-        self._asked = Tick(-1, -1, (b"", b"", b""), b"", [])
+        self._asked = Tick(-1, 0, -1, (b"", b"", b""), b"", [])
         self._command, self._slot = (0.0, 0.0), 0
         self._frame: bytes | None = None
         self._status: AgentStatus | None = None
@@ -73,7 +73,10 @@ class RelayedWorld:
 
     def reply(self) -> Reply:
         """What the drone has done since."""
-        return Reply(self._process, self._asked.tick, *self._command, self._slot, self._frame, self._status)
+        asked = self._asked
+        return Reply(
+            self._process, asked.tick, asked.proof, *self._command, self._slot, self._frame, self._status
+        )
 
     def farewell(self, status: AgentStatus) -> Farewell:
         """The drone's last word."""

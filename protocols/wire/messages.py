@@ -11,6 +11,8 @@ world -> drone   Welcome   the mission
                  Refused   this process has no place in the flight
 
 Two processes may hold one login: each drawn number ``process`` tells one from the other, and the world flies one of them.
+A Reply repeats the number ``proof`` that the world has drawn for its Tick: so the world knows what was read, and does not fill
+the pipe to one who answers without reading.
 """
 
 from typing import Any, NamedTuple
@@ -22,14 +24,16 @@ from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.sensed import Packed
 from protocols.wire.status import AgentStatus, parse_status
 
-VERSION = 4
+VERSION = 5
 WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
 SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
 )
 MAX_HEARD = 1024  # frames one drone can be handed in one tick: of 249 others, some late and some twice
-MAX_PROCESS = 2**32 - 1
-_MAX_REPLY_BYTES = 65_535
+MAX_PROCESS = MAX_PROOF = 2**32 - 1
+MAX_FROM_DRONE = 4096  # bytes: the longest frame, the account of one of 250 drones, and some room
+# What a drone says holds lists of numbers and byte strings, and nothing else.
+_FROM_DRONE = {"max_array_len": 16, "max_map_len": 0, "max_ext_len": 0, "max_str_len": 0}
 
 
 class MessageError(ValueError):
@@ -50,6 +54,7 @@ class Reply(NamedTuple):
 
     process: int
     tick: int
+    proof: int
     ax: float
     ay: float
     slot: int
@@ -75,6 +80,7 @@ class Tick(NamedTuple):
     """``sources[i]`` sent ``heard[i]``. ``followed``: the tick of the Reply by which the drone flies now; -1: none yet."""
 
     tick: int
+    proof: int
     followed: int
     sensed: Packed
     sources: bytes
@@ -106,10 +112,10 @@ def pack(message: FromDrone | FromWorld) -> bytes:
     return packed
 
 
-def _unpack(data: bytes) -> tuple[type, list[Any]]:
+def _unpack(data: bytes, **limits: int) -> tuple[type, list[Any]]:
     try:
-        number, *fields = msgpack.unpackb(data)
-    except (ValueError, TypeError, msgpack.exceptions.UnpackException) as error:
+        number, *fields = msgpack.unpackb(data, **limits)
+    except Exception as error:  # whatever these bytes do to their reader
         raise MessageError(f"not a message of this protocol ({type(error).__name__})") from error
     if type(number) is not int or not 0 <= number < len(_KINDS):
         raise MessageError("unknown kind of message")
@@ -139,15 +145,14 @@ def _status(value: Any, agents: int) -> AgentStatus:
 
 
 def unpack_from_drone(data: bytes, agents: int) -> FromDrone:
-    """What a drone of a swarm of ``agents`` says: right in form and range. A frame that is too long is cut, so that its receivers
-    refuse it as too long, and no more than that travels.
+    """What a drone of a swarm of ``agents`` says: right in form and range. A frame that is too long goes no further.
 
     Raises:
         MessageError: it is not what a drone says.
     """
-    if len(data) > _MAX_REPLY_BYTES:
+    if len(data) > MAX_FROM_DRONE:
         raise MessageError(f"{len(data)} bytes")
-    kind, fields = _unpack(data)
+    kind, fields = _unpack(data, **_FROM_DRONE)
     if kind is Hello and type(fields[0]) is int:
         return Hello(fields[0], _whole(fields[1], MAX_PROCESS, "a process"))
     if kind not in (Ready, Reply, Farewell):
@@ -157,7 +162,7 @@ def unpack_from_drone(data: bytes, agents: int) -> FromDrone:
         return Ready(process)
     if kind is Farewell:
         return Farewell(process, _status(fields[1], agents))
-    _, tick, ax, ay, slot, frame, status = fields
+    _, tick, proof, ax, ay, slot, frame, status = fields
     if (
         type(ax) is not float
         or type(ay) is not float
@@ -167,10 +172,12 @@ def unpack_from_drone(data: bytes, agents: int) -> FromDrone:
     if frame is not None:
         if type(frame) is not bytes:
             raise MessageError("a frame is bytes")
-        frame = frame[: MAX_FRAME_BYTES + 1]
+        if len(frame) > MAX_FRAME_BYTES:
+            frame = None
     return Reply(
         process,
         _whole(tick, 2**63, "a tick"),
+        _whole(proof, MAX_PROOF, "a proof"),
         ax,
         ay,
         _whole(slot, agents - 1, "a slot"),
@@ -187,9 +194,10 @@ def unpack_from_world(data: bytes) -> FromWorld:
     """
     kind, fields = _unpack(data)
     if kind is Tick:  # a hundred times a second: no loop over types
-        tick, followed, sensed, sources, heard = fields
+        tick, proof, followed, sensed, sources, heard = fields
         if (
             type(tick) is not int
+            or type(proof) is not int
             or type(followed) is not int
             or type(sources) is not bytes
             or type(heard) is not list
@@ -200,7 +208,7 @@ def unpack_from_world(data: bytes) -> FromWorld:
         own, near, obstacles = sensed
         if type(own) is not bytes or type(near) is not bytes or type(obstacles) is not bytes:
             raise MessageError("what is sensed is bytes")
-        return Tick(tick, followed, (own, near, obstacles), sources, heard)
+        return Tick(tick, proof, followed, (own, near, obstacles), sources, heard)
     if kind is Welcome:
         _typed(fields, int, dict, bytes, int)
         return Welcome(*fields)

@@ -75,7 +75,7 @@ def from_others(heard: list[bytes]) -> tuple[bytes, list[bytes]]:
 
 
 def ticked(tick: int, heard: list[bytes]) -> Tick:
-    return Tick(tick, tick - 1, sensed(), *from_others(heard))
+    return Tick(tick, 0, tick - 1, sensed(), *from_others(heard))
 
 
 def answers(heard: list[bytes], ticks: int = 3) -> tuple[list[Reply], dict[str, int]]:
@@ -91,7 +91,7 @@ DEAF = answers([])[0]
 def test_a_frame_in_anothers_name_is_dropped() -> None:
     sources, heard = from_others(GOOD)
     one = drone()
-    one.answer(Tick(NOW, NOW - 1, sensed(), bytes(source + 1 for source in sources), heard))
+    one.answer(Tick(NOW, 0, NOW - 1, sensed(), bytes(source + 1 for source in sources), heard))
     assert one.drone.rejected["sender"] == len(heard)
 
 

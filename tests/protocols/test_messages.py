@@ -1,5 +1,6 @@
 """Messages between the world and a drone: read as written, or refused."""
 
+import tracemalloc
 from typing import Any
 
 import msgpack
@@ -30,13 +31,13 @@ STATUS = AgentStatus(3, 4, (0,) * 7, (0,) * len(SWAP_COUNTS), 99, bytes(range(6)
 FROM_DRONE = [
     Hello(messages.VERSION, 7),
     Ready(messages.MAX_PROCESS),
-    Reply(7, 3, 0.5, -0.5, 5, b"frame", None),
-    Reply(7, 0, 0.0, 0.0, 0, None, STATUS),
+    Reply(7, 3, 9, 0.5, -0.5, 5, b"frame", None),
+    Reply(7, 0, 9, 0.0, 0.0, 0, None, STATUS),
     Farewell(7, STATUS),
 ]
 FROM_WORLD = [
     Welcome(7, {"agents": 6}, bytes(6), 1),
-    Tick(3, 2, (b"a", b"b", b""), b"\x01", [b"frame"]),
+    Tick(3, 9, 2, (b"a", b"b", b""), b"\x01", [b"frame"]),
     Wait(),
     Bye(),
     Refused(7, "no"),
@@ -79,11 +80,11 @@ def deep(levels: int) -> bytes:
         deep(60_000),
         bytes(70_000),
         messages.pack(Hello(messages.VERSION, 2**32)),
-        messages.pack(Reply(7, 3, 1, 0.0, 5, None, None)),
-        messages.pack(Reply(7, 3, 1e9, 0.0, 5, None, None)),
-        messages.pack(Reply(7, 3, 0.0, 0.0, 6, None, None)),
-        messages.pack(Reply(7, -1, 0.0, 0.0, 5, None, None)),
-        messages.pack(Reply(7, 3, 0.0, 0.0, 5, "text", None)),  # type: ignore[arg-type]
+        messages.pack(Reply(7, 3, 9, 1, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 9, 1e9, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 9, 0.0, 0.0, 6, None, None)),
+        messages.pack(Reply(7, -1, 9, 0.0, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, "text", None)),  # type: ignore[arg-type]
         messages.pack(Farewell(7, STATUS._replace(view=b"short"))),
     ],
 )
@@ -104,11 +105,43 @@ def test_random_bytes_are_a_message_or_refused(data: bytes) -> None:
             continue
 
 
-def test_a_frame_that_is_too_long_is_cut_and_still_too_long() -> None:
-    said = messages.unpack_from_drone(messages.pack(Reply(7, 3, 0.0, 0.0, 5, bytes(9000), None)), 6)
-    assert isinstance(said, Reply)
-    assert said.frame is not None
-    assert len(said.frame) == MAX_FRAME_BYTES + 1
+def test_a_frame_that_is_too_long_goes_no_further_and_the_answer_counts() -> None:
+    said = messages.unpack_from_drone(
+        messages.pack(Reply(7, 3, 9, 0.5, 0.0, 5, bytes(MAX_FRAME_BYTES + 1), None)), 6
+    )
+    assert said == Reply(7, 3, 9, 0.5, 0.0, 5, None, None)
+
+
+def test_the_longest_that_an_honest_drone_says_is_taken_in() -> None:
+    most = 2**64 - 1
+    account = AgentStatus(249, 249, (most,) * 7, (most,) * len(SWAP_COUNTS), most, bytes(250))
+    longest = Reply(
+        messages.MAX_PROCESS, 2**63, messages.MAX_PROOF, 0.5, -0.5, 249, bytes(MAX_FRAME_BYTES), account
+    )
+    assert messages.unpack_from_drone(messages.pack(longest), 250) == longest
+
+
+BOMBS = {
+    "a byte string of four gigabytes": b"\x98\x02\xc6\xff\xff\xff\xff",
+    "a list of four milliards": b"\xdd\xff\xff\xff\xff",
+    "lists of thousands in lists of thousands": b"\xdc\x0f\xff" * 1300,
+    "a map": msgpack.packb([2, {1: 2}]),
+    "text": msgpack.packb([2, "a" * 1000]),
+    "an extension": msgpack.packb([2, msgpack.ExtType(5, b"x")]),
+    "a time stamp": msgpack.packb([2, msgpack.Timestamp(2**40, 5)]),
+    "a million small things": msgpack.packb([0] * 1_000_000),
+}
+
+
+@pytest.mark.parametrize("data", BOMBS.values(), ids=BOMBS.keys())
+def test_a_message_made_to_swell_is_refused_before_it_does(data: bytes) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(MessageError):
+            messages.unpack_from_drone(data, 6)
+        assert tracemalloc.get_traced_memory()[1] < 200_000
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize("length", [0, 1, 59_999, 60_000, 60_001, 119_998, 119_999, 500_000])
@@ -122,7 +155,7 @@ def test_a_message_of_any_length_is_cut_and_joined_again(length: int, begins: by
 
 def test_what_a_drone_senses_and_hears_of_a_hundred_drones_travels_in_pieces() -> None:
     crowd = Tick(
-        0, -1, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96
+        0, 9, -1, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96
     )
     cut = list(pieces.cut(messages.pack(crowd)))
     assert len(cut) == 5

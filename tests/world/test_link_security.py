@@ -19,7 +19,7 @@ import pytest
 import zenoh
 
 from agent.radio.link import AgentLink
-from protocols.wire import keys
+from protocols.wire import keys, messages
 from protocols.wire.endpoints import is_secret
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
@@ -218,6 +218,34 @@ def test_a_message_longer_than_the_transport_carries_arrives_whole(world: WorldL
             message = bytes(index % 251 for index in range(size))
             world.send(1, message)
             assert agent.receive(PATIENCE_S) == message
+
+
+def test_what_is_too_long_or_too_much_is_turned_away_at_the_door(world: WorldLink, endpoint: str) -> None:
+    """... and only that of the agent that says it."""
+    with (
+        AgentLink(endpoint, CREDENTIALS.login(0)) as honest,
+        AgentLink(endpoint, CREDENTIALS.login(1)) as other,
+    ):
+        other.send(bytes(messages.MAX_FROM_DRONE + 1))
+        other.send(b"short enough")
+        assert world.receive(PATIENCE_S) == (1, b"short enough")
+        assert world.turned_away(1) == 1
+        for _ in range(1000):
+            other.send(b"more")
+        honest.send(b"heard all the same")
+        other.send(b"and last")
+        heard = []
+        while world.turned_away(1) < 900 or (0, b"heard all the same") not in heard:
+            if world.turned_away(1) >= 900:
+                heard.append(world.receive(PATIENCE_S))
+        assert heard.count((1, b"more")) <= 64
+        assert world.turned_away(0) == 0
+        world.bar(1)
+        other.send(b"no more")
+        honest.send(b"still")
+        while (said := world.receive(PATIENCE_S)) != (0, b"still"):
+            assert said is not None
+            assert said[1] != b"no more"
 
 
 def assert_deaf(world: WorldLink, endpoint: str, mode: str) -> None:

@@ -2,6 +2,7 @@
 
 import functools
 import time
+from collections.abc import Callable
 from typing import Any
 
 import msgpack
@@ -67,6 +68,7 @@ def tampered(**parts: Any) -> list[Any]:
         "kind": REPLY,
         "process": 105,
         "tick": 0,
+        "proof": 0,
         "ax": 0.0,
         "ay": 0.0,
         "slot": 5,
@@ -117,16 +119,17 @@ def test_rubbish_beside_its_answers_changes_nothing(rubbish: Any) -> None:
     data = msgpack.packb(rubbish)
     if isinstance(rubbish, list) and rubbish[:3] == [REPLY, 105, 0]:
 
-        def now(tick: int) -> bytes:
-            return msgpack.packb([REPLY, 105, tick, *rubbish[3:]])
+        def now(reply: bytes) -> bytes:
+            true = told(reply)
+            return msgpack.packb([REPLY, 105, true.tick, true.proof, *rubbish[4:]])
     else:
 
-        def now(tick: int) -> bytes:
+        def now(reply: bytes) -> bytes:
             return data
 
     undisturbed = fly(mission()).outcome
     assert (
-        fly(mission(), lambda agent, tick, reply: [now(tick), reply] if agent == 5 else [reply]).outcome
+        fly(mission(), lambda agent, tick, reply: [now(reply), reply] if agent == 5 else [reply]).outcome
         == undisturbed
     )
 
@@ -162,7 +165,7 @@ def test_a_drone_that_speaks_for_all_ticks_to_come_must_still_answer_each() -> N
 
 def test_a_second_answer_to_the_same_tick_is_not_heard() -> None:
     def twice(agent: int, tick: int, reply: bytes) -> list[bytes]:
-        return [reply, msgpack.packb(tampered(tick=tick, ax=9.0, slot=5))] if agent == 0 else [reply]
+        return [reply, messages.pack(told(reply)._replace(ax=9.0))] if agent == 0 else [reply]
 
     assert fly(mission(), twice).outcome == fly(mission()).outcome
 
@@ -304,13 +307,103 @@ def test_a_pipe_is_full_of_many_messages_or_of_long_ones(size: int) -> None:
     one = peer.Peer()
     one.process = 7
     tick = 0
-    while not one.backlogged:
-        one.ask(tick, bytes(size), 0.2 * tick)
+    while not one.backlogged and one.room(size):
+        one.ask(tick, 0, bytes(size), 0.2 * tick)
         tick += 1
-    assert tick == (peer.BACKLOG + 1 if size == 10 else 4)
+    assert tick == (peer.BACKLOG + 1 if size == 10 else 3)
     assert [one.wait(100.0 + at) for at in range(7)] == [True] * 5 + [False] * 2
     one.heard()
     assert one.wait(200.0)
+
+
+def test_who_answers_without_reading_is_sent_no_more_than_a_pipe_holds() -> None:
+    """It guesses the number of every tick; only what was in the Tick proves that it was read."""
+    one = peer.Peer()
+    one.process, sent = 7, 0
+    for tick in range(1000):
+        if one.room(3000):
+            one.ask(tick, 4711, bytes(3000), 0.01 * tick)
+            sent += 3000
+        assert not one.answer(tick, 0)
+        one.arrive()
+        one.excuse()
+    assert sent < 140_000
+    one.ask(2000, 4711, b"", 20.0)
+    assert one.answer(2000, 4711)
+    assert one.room(100_000)
+
+
+def test_a_drone_that_answers_blindly_does_not_answer() -> None:
+    blind = fly(
+        mission(),
+        lambda agent, tick, reply: [messages.pack(told(reply)._replace(proof=5))] if agent == 3 else [reply],
+    )
+    assert [struck.agent for struck in blind.outcome.struck_off] == [3]
+
+
+FLOODS = {
+    "hello": lambda reply: messages.pack(Hello(messages.VERSION, 103)),
+    "hello of others": lambda reply: messages.pack(Hello(messages.VERSION, 9)),
+    "ready": lambda reply: messages.pack(Ready(103)),
+    "its answer, again and again": lambda reply: reply,
+    "rubbish": lambda reply: b"\xc1",
+    "another version": lambda reply: messages.pack(Hello(99, 103)),
+}
+
+
+@pytest.mark.parametrize("say", FLOODS.values(), ids=FLOODS.keys())
+def test_whoever_floods_the_world_is_struck_off_and_the_others_are_told_all_the_time_that_it_lives(
+    say: Callable[[bytes], bytes],
+) -> None:
+    swarm = Loopback(
+        mission(), lambda agent, tick, reply: [say(reply)] * 50 + [reply] if agent == 3 else [reply]
+    )
+    outcome = WorldServer(swarm.mission, swarm, "lockstep", swarm).run().outcome
+    assert outcome.struck_off == (StruckOff(3, outcome.struck_off[0].at_s, peer.FLOODS),)
+    assert (outcome.lost_agents, outcome.ticks) == ((3,), 60)
+    assert swarm.told[3] < 2500
+
+
+def test_whoever_is_turned_away_too_often_is_struck_off() -> None:
+    def push(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        swarm.refused[3] = 100 * tick
+        return [reply]
+
+    task = mission(fly_s=3.0)
+    swarm = Loopback(task, push)
+    outcome = WorldServer(task, swarm, "lockstep", swarm).run().outcome
+    assert [struck[::2] for struck in outcome.struck_off] == [(3, peer.FLOODS)]
+
+
+def test_what_gathered_while_the_world_stood_still_is_no_flood() -> None:
+    one = peer.Peer()
+    one.turned_away(100_000, 1.0)
+    assert not one.floods
+
+
+@pytest.mark.parametrize("flood", [b"\xc1", messages.pack(Hello(messages.VERSION, 102))])
+def test_being_alive_is_told_by_the_clock_and_not_by_idleness(flood: bytes) -> None:
+    """Drone 3 does not answer for a second, in which drone 2 leaves no moment without a word."""
+
+    def busy(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if (agent, tick) != (3, 10):
+            return [reply]
+        begun.append((time.monotonic(), reply))
+        return []
+
+    def chatter() -> bool:
+        if begun:
+            if time.monotonic() < begun[0][0] + 1.0:
+                swarm.say(2, flood)
+            else:
+                swarm.say(3, begun.pop()[1])
+        return False
+
+    begun: list[tuple[float, bytes]] = []
+    swarm = Loopback(mission(), busy)
+    swarm.leaving = chatter  # type: ignore[method-assign]
+    WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
+    assert swarm.waits >= 4 * 4
 
 
 def test_a_second_process_with_the_login_of_a_drone_is_refused_and_nothing_else_changes(
@@ -501,6 +594,7 @@ def test_a_drone_whose_process_comes_back_unannounced_knows_nothing_and_flies_on
 
     def look() -> bool:
         if died and minds[0] is swarm.drones[3]:
+            time.sleep(0.005)
             swarm.knock(3)
         return False
 
@@ -545,10 +639,10 @@ def test_who_only_says_that_it_is_there_is_asked_again_now_and_then() -> None:
     """Else the pipe of a drone that does not read would fill, and the world would wait for it."""
     one = peer.Peer()
     one.process = 7
-    one.ask(3, bytes(10_000), 100.0)
+    one.ask(3, 0, bytes(10_000), 100.0)
     again = [at for at in range(1000) if one.ask_again(100.0 + 0.1 * at)]
     assert again[0] == 9
-    assert len(again) == 11
+    assert len(again) == 8
     one.answered = 3
     assert not one.ask_again(1000.0)
 

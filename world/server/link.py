@@ -3,7 +3,8 @@
 - The router knows one login per agent and denies by default. On ``tls`` and ``quic`` an agent must also show the certificate
   that has its name. Agent ``i`` may put
   on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
-- Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent.
+- Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long, or comes while
+  too much of the same agent waits to be read, is turned away at the door.
 - ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It would wait for an agent
   that has stopped reading once its pipe is full, so whoever sends must stop long before that.
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
@@ -13,6 +14,7 @@ import json
 import os
 import queue
 import re
+import threading
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
@@ -20,7 +22,7 @@ from typing import Any
 import zenoh
 
 from protocols.closing import Closing
-from protocols.wire import keys, pieces
+from protocols.wire import keys, messages, pieces
 from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON, secret
@@ -137,6 +139,9 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         os.close(dictionary)
 
 
+_MOST_WAITING = 64  # messages of one agent
+
+
 class WorldLink(Closing):
     """The open router. ``endpoints`` say where agents connect, e.g. ``unixsock-stream//run/x/world.sock``.
 
@@ -149,11 +154,14 @@ class WorldLink(Closing):
         self._agent_of_key = {keys.tx(swarm, agent): agent for agent in agents}
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
         # unlike a Zenoh channel it can be waited on for a limited time.
-        self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+        self._heard: queue.SimpleQueue[tuple[int, zenoh.Sample]] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._waiting, self._turned_away = [0 for _ in agents], [0 for _ in agents]
+        self._barred: set[int] = set()
         self._session = _open_router(credentials, endpoints)
         try:
             self._session.declare_subscriber(
-                keys.every_tx(swarm), zenoh.handlers.Callback(self._heard.put, indirect=False)
+                keys.every_tx(swarm), zenoh.handlers.Callback(self._hear, indirect=False)
             )
             self._publishers = [
                 self._session.declare_publisher(
@@ -170,13 +178,37 @@ class WorldLink(Closing):
         for piece in pieces.cut(payload):
             self._publishers[agent].put(piece)
 
+    def _hear(self, sample: zenoh.Sample) -> None:
+        """In a thread of Zenoh's: take in what came, if there is room for it."""
+        agent = self._agent_of_key.get(str(sample.key_expr))
+        if agent is None or agent in self._barred:
+            return
+        with self._lock:
+            if self._waiting[agent] >= _MOST_WAITING or len(sample.payload) > messages.MAX_FROM_DRONE:
+                self._turned_away[agent] += 1
+                return
+            self._waiting[agent] += 1
+        self._heard.put((agent, sample))
+
+    def turned_away(self, agent: int) -> int:
+        """Messages of this agent so far that were too long or too many."""
+        return self._turned_away[agent]
+
+    def bar(self, agent: int) -> None:
+        """From now on take in nothing from this agent."""
+        self._barred.add(agent)
+
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         """The next message and the agent that sent it; None if none comes in ``timeout_s`` (0: no wait)."""
         try:
-            sample = self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
+            agent, sample = (
+                self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
+            )
         except queue.Empty:
             return None
-        return self._agent_of_key[str(sample.key_expr)], sample.payload.to_bytes()
+        with self._lock:
+            self._waiting[agent] -= 1
+        return agent, sample.payload.to_bytes()
 
     def close(self) -> None:
         if not self._session.is_closed():

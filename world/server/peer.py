@@ -10,11 +10,16 @@ import math
 from protocols.wire import messages
 
 TAKEOVER_S = 3.0
-# Ticks, and bytes, that a drone may leave unanswered before it is sent no more: a full pipe would block the world.
+# Ticks, and bytes, that a drone may leave unread before it is sent no more: a full pipe would block the world. What it has read
+# its answers prove. One that says it is there, or comes back, has perhaps lost what it was sent: it is granted some more, once.
 BACKLOG = 20
-_BACKLOG_BYTES = 100_000
-_WAITS = 5  # and so many Waits
+_BACKLOG_BYTES, _GRANTED_BYTES = 100_000, 40_000
+_OVERHEAD_BYTES = 800  # of any message, in a pipe
+_WAITS = 5  # Waits that a drone may leave unanswered
 _AGAIN_S = 0.9  # between two times that it is sent the same Tick
+# A drone need say little but its answers. What it says beyond them runs off at this rate, and no more of it may have gathered.
+EXCESS_PER_S, FLOOD = 100.0, 1000.0
+FLOODS = f"it floods the world: more than {FLOOD:.0f} messages that nobody asked for"
 
 
 class Peer:
@@ -34,16 +39,26 @@ class Peer:
         self.question = b""
         self._rival: int | None = None
         self._rival_since = 0.0
-        self._unheard_bytes = self._waits = self._again_bytes = 0
+        self._open: dict[
+            int, tuple[int, int]
+        ] = {}  # by tick it owes an answer to: the proof, bytes sent by then
+        self._sent_bytes = self._read_bytes = self._waits = 0
+        self._granted = False
+        self._excess = self._excess_at = 0.0
+        self._turned_away = 0
         self._told_at = 0.0
         self._asked_at = -math.inf
 
     def restart(self) -> None:
-        """Its process has ended, and a new one will come, or has come."""
+        """Its process has ended, and a new one will come."""
+        self._begin_anew()
+        self._read_bytes = self._sent_bytes
+
+    def _begin_anew(self) -> None:
         self.boot += 1
         self.process, self.ready, self._rival = None, False, None
-        self._unheard_bytes = self._waits = self._again_bytes = 0
-        self._asked_at = -math.inf
+        self._waits, self._asked_at = 0, -math.inf
+        self._grant()
 
     def knock(self, process: int, now_s: float, paused: bool) -> bool:
         """A process says Hello; whether it is the drone. ``paused``: the drone's process is known to be stopped."""
@@ -52,38 +67,89 @@ class Peer:
                 self._rival, self._rival_since = process, now_s
             if paused or now_s - self._rival_since < TAKEOVER_S:
                 return False
-            self.restart()
+            self._begin_anew()
         self.process = process
         return True
 
     def heard(self) -> int | None:
         """The drone was heard: the process that knocked meanwhile and is to be refused, if one did."""
-        self._unheard_bytes = self._waits = 0
+        self._waits = 0
         rival, self._rival = self._rival, None
         return rival
 
-    def ask(self, tick: int, question: bytes, now_s: float) -> None:
-        """It is sent the packed Tick ``question``."""
+    def ask(self, tick: int, proof: int, question: bytes, now_s: float) -> None:
+        """It is sent the packed Tick ``question``, which holds this ``proof``."""
         self.asked, self.question = tick, question
         self._asked_at = self._told_at = now_s
-        self._again_bytes = 0
-        self._unheard_bytes += len(question)
+        self.tell(len(question))
+        self._open[tick] = proof, self._sent_bytes
+
+    def tell(self, size: int) -> None:
+        """It is sent a message of ``size`` bytes."""
+        self._sent_bytes += size + _OVERHEAD_BYTES
+
+    def answer(self, tick: int, proof: int) -> bool:
+        """It answers: whether to a Tick that it has read, and has not answered yet."""
+        asked = self._open.get(tick)
+        if asked is None or asked[0] != proof:
+            return False
+        self._read_bytes, self._granted, self.answered = max(self._read_bytes, asked[1]), False, tick
+        self._excess -= 1.0  # this one was asked for
+        for answered in [open_ for open_ in self._open if open_ <= tick]:
+            del self._open[answered]
+        return True
+
+    def arrive(self) -> None:
+        """It says that it is there."""
+        self.ready = True
+        self._grant()
+
+    def excuse(self) -> None:
+        """It owes no answers any more."""
+        self.asked = self.answered
+        self._open.clear()
+
+    def _grant(self) -> None:
+        if not self._granted:
+            self._granted = True
+            most = _BACKLOG_BYTES - _GRANTED_BYTES
+            self._read_bytes = max(self._read_bytes, self._sent_bytes - most)
 
     def ask_again(self, now_s: float) -> bool:
         """Whether to send it the last Tick once more: it is there and owes an answer, so the one or the other was lost. Now and
-        then, and not if that might fill the pipe of one that only says that it is there.
+        then, and not if that might fill its pipe.
         """
         owes = self.asked > self.answered and now_s - self._asked_at >= _AGAIN_S
-        if not owes or self._again_bytes > _BACKLOG_BYTES:
+        if not owes or not self.room(len(self.question)):
             return False
-        self._again_bytes += len(self.question)
+        self.tell(len(self.question))
         self._asked_at = self._told_at = now_s
         return True
 
+    def room(self, size: int) -> bool:
+        """Whether its pipe has room for a message of ``size`` bytes; always, if it has read all."""
+        unread = self._sent_bytes - self._read_bytes
+        return unread == 0 or unread + size + _OVERHEAD_BYTES <= _BACKLOG_BYTES
+
     @property
     def backlogged(self) -> bool:
-        """Whether one more Tick might fill its pipe."""
-        return self.asked - self.answered > BACKLOG or self._unheard_bytes > _BACKLOG_BYTES
+        """Whether it owes so many answers that it is asked no more."""
+        return len(self._open) > BACKLOG
+
+    def says(self, now_s: float, messages_: float = 1.0) -> None:
+        """It has sent so many messages."""
+        self._excess = max(0.0, self._excess - EXCESS_PER_S * (now_s - self._excess_at)) + messages_
+        self._excess_at = now_s
+
+    def turned_away(self, total: int, now_s: float) -> None:
+        """So many of its messages were not taken in so far. Of what gathered in a pause of the world only a part counts."""
+        self.says(now_s, min(total - self._turned_away, FLOOD / 4))
+        self._turned_away = total
+
+    @property
+    def floods(self) -> bool:
+        """Whether it says so much that it must be stopped."""
+        return self._excess > FLOOD
 
     def wait(self, now_s: float) -> bool:
         """Whether to tell it now that the world is alive; at most now and then, and not if that might fill its pipe."""

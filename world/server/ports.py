@@ -13,6 +13,12 @@ class Link(Protocol):
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None: ...
 
+    def turned_away(self, agent: int) -> int:
+        """Messages of this drone so far that were too long or too many to be taken in."""
+
+    def bar(self, agent: int) -> None:
+        """From now on nothing that this drone says is taken in."""
+
 
 class Lost(NamedTuple):
     """A drone whose process has ended without the mission's doing, and how that came."""

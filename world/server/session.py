@@ -11,10 +11,10 @@ running time, so no pause of the machine, the world or the whole launch loses an
 `Control`: the launcher's end of a pipe, or nobody.
 """
 
-import sys
+import secrets
 import time
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -30,15 +30,16 @@ from world.faults import Event
 from world.outcome import Flown
 from world.outlets.snapshot import snapshot
 from world.server.patience import Patience
-from world.server.peer import BACKLOG, Peer
+from world.server.peer import BACKLOG, FLOODS, Peer
 from world.server.ports import STRUCK_OFF, Control, Link, Lost
+from world.server.reception import Reception
 from world.server.running_time import RunningTime
+from world.server.said import Said
 
 Clock = Literal["lockstep", "realtime"]
 _LATE_S = 5.0  # for one answer in real time
 _FAREWELL_S, _HASTY_FAREWELL_S = 5.0, 0.5
 _SNAPSHOT_S = 0.125
-_UNKNOWN = "the world does not know this process: it has been started anew"
 
 
 class ServerError(BrokenError, RuntimeError):
@@ -69,18 +70,11 @@ class WorldServer:
         self.director = Director(self.core, self)
         agents = mission.agents
         self.peers = [Peer() for _ in range(agents)]
-        self._mission_fields = mission.model_dump(mode="json")
-        self._initial_slots = bytes(self.core.initial_slots[0].astype(np.uint8))
+        slots = bytes(self.core.initial_slots[0].astype(np.uint8))
+        self._reception = Reception(link, self.peers, mission.model_dump(mode="json"), slots)
         self._sensors = SensedPacker(self.core.sensed)
-        self._frames: list[list[bytes]] = [[b""] * agents for _ in range(self.core.ring)]
-        self._command, self._sent_bytes = np.zeros((agents, 2)), np.zeros(agents, np.int64)
-        self._claim = self.core.claim[0].astype(np.int64)
-        # The same numbers, to be filled one by one.
-        self._command_of: memoryview[Any] = self._command.data
-        self._sent_bytes_of, self._claim_of = self._sent_bytes.data, self._claim.data
-        self._accounts: list[tuple[int, AgentStatus]] = []
+        self._said = Said(self.core)
         self._farewells: dict[int, AgentStatus] = {}
-        self._refused: set[int] = set()
         self._now = 0  # the tick
         self._time, self._patience = RunningTime(), Patience(agents)
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
@@ -97,7 +91,7 @@ class WorldServer:
             self._gather()
             return self._fly()
         except ServerError:
-            self._say_bye()
+            self._reception.say_bye()
             raise
 
     def _fly(self) -> Flown:
@@ -143,21 +137,19 @@ class WorldServer:
         if event.fault.kind == "restart":
             for agent in event.agents:
                 self.peers[agent].restart()
-                self.peers[agent].asked = self.peers[
-                    agent
-                ].answered  # what it was asked before, nobody will answer
+                self.peers[agent].excuse()
         self._control.apply(event.fault.kind, event.agents)
 
     def struck_off(self, row: int) -> None:
         """It is over for this drone: it is told so, and whoever runs its process ends it."""
-        self._send(row, messages.Bye())
+        self._reception.send(row, messages.Bye())
+        self._link.bar(row)
         self._control.apply(STRUCK_OFF, (row,))
 
     def ask(self, tick: int, inbox: Inbox) -> Answers | None:
         """What the drones answer to this tick; None if the world is asked to leave."""
         self._now = tick
-        self._accounts.clear()
-        self._sent_bytes[:] = 0
+        self._said.begin(tick)
         self._check_lost()
         awake: list[int] = np.flatnonzero(self.core.rows_awake).tolist()
         if self._clock == "lockstep":
@@ -170,13 +162,13 @@ class WorldServer:
             self._say_tick(tick, [agent for agent in awake if self.peers[agent].ready], inbox)
             if not self._keep_time(awake, tick):
                 return None
-        return Answers(self._command, self._sent_bytes, self._claim, sorted(self._accounts))
+        return self._said.answers()
 
     def farewell(self) -> list[tuple[int, AgentStatus]]:
         """Say goodbye and take the last accounts."""
         answering = np.flatnonzero(self.core.flying[0] & self.core.responsive[0]).tolist()
         waiting = {agent for agent in answering if self.peers[agent].ready}
-        self._say_bye()
+        self._reception.say_bye()
         deadline = self._time.now() + (_HASTY_FAREWELL_S if self._control.leaving() else _FAREWELL_S)
         while waiting and self._time.now() < deadline:
             self._receive(messages.WAIT_EVERY_S)
@@ -185,17 +177,13 @@ class WorldServer:
 
     # What the world says.
 
-    def _send(self, agent: int, message: messages.FromWorld) -> None:
-        self._link.send(agent, messages.pack(message))
-
-    def _say_bye(self) -> None:
-        for agent in range(self._mission.agents):
-            self._send(agent, messages.Bye())
-
     def _say_tick(self, tick: int, awake: list[int], inbox: Inbox) -> None:
-        ring, frames, now = self.core.ring, self._frames, self._time.now()
+        now, proof, payloads = (
+            self._time.now(),
+            secrets.randbelow(messages.MAX_PROOF),
+            self._said.frames(inbox),
+        )
         bounds, sources = inbox.start.tolist(), inbox.arrived[:, 0].astype(np.uint8).tobytes()
-        payloads = [frames[sent % ring][source] for source, sent in inbox.arrived.tolist()]
         for agent in awake:
             peer = self.peers[agent]
             if peer.backlogged:
@@ -203,10 +191,17 @@ class WorldServer:
             first, end = bounds[agent], bounds[agent + 1]
             message = messages.pack(
                 messages.Tick(
-                    tick, peer.answered, self._sensors.pack(agent), sources[first:end], payloads[first:end]
+                    tick,
+                    proof,
+                    peer.answered,
+                    self._sensors.pack(agent),
+                    sources[first:end],
+                    payloads[first:end],
                 )
             )
-            peer.ask(tick, message, now)
+            if not peer.room(len(message)):
+                continue
+            peer.ask(tick, proof, message, now)
             self._told += 1
             self._told_bytes += len(message)
             self._link.send(agent, message)
@@ -255,7 +250,7 @@ class WorldServer:
             behind = tick - self.peers[agent].answered
             self._misses += behind > 0
             if behind > BACKLOG:
-                self._command[agent] = 0.0
+                self._said.coast(agent)
             if behind * TICK_S > _LATE_S and not self._control.paused(agent):
                 self._lose(Lost(agent, f"it has not answered for {_LATE_S:g} s"))
         return not self._control.leaving()
@@ -265,8 +260,12 @@ class WorldServer:
         self._look_at = now_s + messages.WAIT_EVERY_S
         self._check_lost()
         for agent in np.flatnonzero(self.core.flying[0]).tolist():
-            if self.peers[agent].wait(now_s):
-                self._send(agent, messages.Wait())
+            peer = self.peers[agent]
+            peer.turned_away(self._link.turned_away(agent), now_s)
+            if peer.floods:
+                self._lose(Lost(agent, FLOODS))
+            elif peer.wait(now_s):
+                self._reception.send(agent, messages.Wait())
 
     def _check_lost(self) -> None:
         lost = [lost for lost in self._control.lost() if self.core.flying[0, lost.agent]]
@@ -294,76 +293,50 @@ class WorldServer:
         if received is None:
             return None
         agent, data = received
+        peer = self.peers[agent]
+        peer.says(self._time.now())
         try:
             message = messages.unpack_from_drone(data, self._mission.agents)
         except messages.MessageError:
             return None
-        peer = self.peers[agent]
         if isinstance(message, messages.Hello):
-            self._greet(agent, peer, message)
+            self._greet(agent, message)
             return agent
         if message.process != peer.process:
-            if peer.process is not None:
-                self._refuse(agent, message.process)
-            else:
-                self._send(agent, messages.Refused(message.process, _UNKNOWN))
+            self._reception.refuse(agent, message.process)
             return None
         rival = peer.heard()
         if rival is not None:
-            self._refuse(agent, rival)
+            self._reception.refuse(agent, rival)
         if isinstance(message, messages.Reply):
-            self._heard_bytes += len(data)
-            self._take_reply(agent, peer, message)
+            if peer.answer(message.tick, message.proof):
+                self._heard_bytes += len(data)
+                self._said.take(agent, message)
         elif isinstance(message, messages.Ready):
             self._take_ready(agent, peer)
-        elif isinstance(message, messages.Farewell):
+        else:
             self._farewells[agent] = message.status
         return agent
 
-    def _greet(self, agent: int, peer: Peer, hello: messages.Hello) -> None:
+    def _greet(self, agent: int, hello: messages.Hello) -> None:
         if hello.version != messages.VERSION:
             wrong = (
                 f"agent {agent} speaks version {hello.version} of the messages, the world {messages.VERSION}"
             )
-            self._send(agent, messages.Refused(hello.process, wrong))
+            self._reception.send(agent, messages.Refused(hello.process, wrong))
             if not self._started:
                 raise ServerError(wrong)  # no single drone ends a flight that has begun
         elif not self.core.flying[0, agent]:
-            self._send(agent, messages.Bye())
-        elif peer.knock(hello.process, self._time.now(), self._control.paused(agent)) and not peer.ready:
-            if peer.boot:
-                self.director.invariants[0].renew(agent)
-            self._send(
-                agent, messages.Welcome(hello.process, self._mission_fields, self._initial_slots, peer.boot)
-            )
-
-    def _refuse(self, agent: int, process: int) -> None:
-        why = (
-            f"another process flies as agent {agent} already: end it first, or use the login of another agent"
-        )
-        self._send(agent, messages.Refused(process, why))
-        if process not in self._refused and len(self._refused) < self._mission.agents:
-            self._refused.add(process)
-            print(f"world: a second process with the login of agent {agent} was refused", file=sys.stderr)
+            self._reception.send(agent, messages.Bye())
+        elif self._reception.greet(agent, hello, self._time.now(), self._control.paused(agent)):
+            self.director.invariants[0].renew(agent)
 
     def _take_ready(self, agent: int, peer: Peer) -> None:
         """This drone is there, and has read what it was sent: a Tick that it has not answered was lost, or its answer was. In
         lockstep it is asked again; in real time the next one will do.
         """
-        peer.ready = True
+        peer.arrive()
         if self._clock == "realtime":
-            peer.asked = peer.answered
+            peer.excuse()
         elif peer.ask_again(self._time.now()):
             self._link.send(agent, peer.question)
-
-    def _take_reply(self, agent: int, peer: Peer, reply: messages.Reply) -> None:
-        if not peer.answered < reply.tick <= peer.asked:
-            return
-        peer.answered = reply.tick
-        self._command_of[agent, 0], self._command_of[agent, 1] = reply.ax, reply.ay
-        self._claim_of[agent] = reply.slot
-        if reply.status is not None:
-            self._accounts.append((agent, reply.status))
-        if reply.frame is not None:
-            self._frames[self._now % self.core.ring][agent] = reply.frame
-            self._sent_bytes_of[agent] = len(reply.frame)

@@ -1,0 +1,54 @@
+"""The world's voice to single drones: never more than a pipe has room for. Who is welcomed, and who is refused."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from protocols.wire import messages
+from world.server.peer import Peer
+from world.server.ports import Link
+
+_UNKNOWN = "the world does not know this process: it has been started anew"
+
+
+class Reception:
+    """For the drones behind ``peers``; ``mission`` and ``initial_slots`` as in Welcome."""
+
+    def __init__(
+        self, link: Link, peers: Sequence[Peer], mission: dict[str, Any], initial_slots: bytes
+    ) -> None:
+        self._link, self._peers, self._mission, self._initial_slots = link, peers, mission, initial_slots
+        self._refused: set[int] = set()
+
+    def send(self, agent: int, message: messages.FromWorld) -> None:
+        """Say this, if there is room."""
+        packed, peer = messages.pack(message), self._peers[agent]
+        if peer.room(len(packed)):
+            peer.tell(len(packed))
+            self._link.send(agent, packed)
+
+    def say_bye(self) -> None:
+        """To all."""
+        for agent in range(len(self._peers)):
+            self.send(agent, messages.Bye())
+
+    def greet(self, agent: int, hello: messages.Hello, now_s: float, paused: bool) -> bool:
+        """A process says Hello for a drone that flies; whether it is, or has just become, the drone and is to begin."""
+        peer = self._peers[agent]
+        if not peer.knock(hello.process, now_s, paused) or peer.ready:
+            return False
+        self.send(agent, messages.Welcome(hello.process, self._mission, self._initial_slots, peer.boot))
+        return True
+
+    def refuse(self, agent: int, process: int) -> None:
+        """This process is not the drone."""
+        if self._peers[agent].process is None:
+            self.send(agent, messages.Refused(process, _UNKNOWN))
+            return
+        why = (
+            f"another process flies as agent {agent} already: end it first, or use the login of another agent"
+        )
+        self.send(agent, messages.Refused(process, why))
+        if process not in self._refused and len(self._refused) < len(self._peers):
+            self._refused.add(process)
+            print(f"world: a second process with the login of agent {agent} was refused", file=sys.stderr)
