@@ -86,8 +86,8 @@ class AgentCore:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
         """
         agents = np.asarray(me, np.int64)
-        self.mission = mission
-        self.policy = find_policy(mission.policy, mission)
+        self.mission = mission.told
+        self.policy = find_policy(mission.policy, self.mission)
         self._opened = rehearsal
         self._rules, self._shape = rules_of(mission), shape_of(mission)
         self._work = empty_work(agents, inbox_size)

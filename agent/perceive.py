@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.memory import Memory
 from agent.tick_arrays import Rules, Work
@@ -20,12 +21,31 @@ from protocols.wire.frames import (
 )
 from protocols.wire.sensed import Sensed
 
+_SLACK_M, _SLACK_MPS = 0.5, 0.1  # of what a drone says of its own motion
 _SAME_DISC_M = 0.05  # sightings this alike in centre and radius are of one obstacle; discs may overlap
 
 
 @inlined_kernel
-def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
-    """Keep what frame ``index`` says if it is newer than the sender's last; merge whom its sender has heard lately."""
+def _can_be(
+    now: NDArray[np.float32], before: NDArray[np.float32], ticks: int, memory_ticks: int, speed_mps: float
+) -> bool:
+    """Whether a drone that said it moved like ``before`` (4,), p [m] and v [m/s], and is still believed, can move like ``now`` so
+    many ticks later.
+    """
+    x, y, vx, vy = np.float64(now[0]), np.float64(now[1]), np.float64(now[2]), np.float64(now[3])
+    fastest = speed_mps + _SLACK_MPS
+    if vx * vx + vy * vy > fastest * fastest:
+        return False
+    farthest = speed_mps * ticks * TICK_S + _SLACK_M
+    dx, dy = x - before[0], y - before[1]
+    return ticks > memory_ticks or dx * dx + dy * dy <= farthest * farthest
+
+
+@inlined_kernel
+def hear_frame(memory: Memory, row: int, frames: Frames, index: int, radio: RadioRules) -> None:
+    """Keep what frame ``index`` says if it is newer than the sender's last and a drone can have moved like that since; merge whom
+    its sender has heard lately.
+    """
     sender, tick = np.int64(frames.sender[index]), np.int64(frames.tick[index])
     last_seen, agents = memory.last_seen[row], memory.last_seen.shape[1]
     last_seen[sender] = max(last_seen[sender], tick)
@@ -35,11 +55,15 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int) -> None:
         if age != AGE_NEVER:
             last_seen[other] = max(last_seen[other], tick - age * AGE_UNIT_TICKS)
         other = other + 1 if other + 1 < agents else 0
-    if tick <= memory.heard_tick[row, sender]:
+    later = tick - memory.heard_tick[row, sender]
+    if later <= 0:
+        return
+    motion, before = frames.motion[index], memory.heard_motion[row, sender]
+    if not _can_be(motion, before, later, radio.memory_ticks, radio.speed_mps):
         return
     memory.heard_tick[row, sender] = tick
     for place in range(4):
-        memory.heard_motion[row, sender, place] = frames.motion[index, place]
+        before[place] = motion[place]
     for place in range(OBSERVATION_SIZE):
         memory.heard_observation[row, sender, place] = frames.observation[index, place]
     count = np.int64(frames.known_count[index])
@@ -130,7 +154,7 @@ def perceive_row(
     me = work.me[row]
     memory.last_seen[row, me] = tick
     for place in range(work.inbox_start[row], work.inbox_start[row + 1]):
-        hear_frame(memory, row, frames, work.inbox[place])
+        hear_frame(memory, row, frames, work.inbox[place], rules.radio)
     find_neighbours(memory, row, me, tick, sensed, rules.by_sensor, rules.radio)
     recall_obstacles(memory, row, sensed, rules.remember_obstacles)
     near = Nearby(memory.near_count[row], memory.near_id[row], memory.near_rel[row])

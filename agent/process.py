@@ -10,7 +10,7 @@ from agent.ports import Body, Clock, Radio
 from agent.radio.air import Air
 from agent.radio.hearing import Hearing
 from protocols.kernels import release_compiler
-from protocols.mission.document import Mission, parse_mission
+from protocols.mission.document import Mission, parse_briefing
 from protocols.wire import messages
 from protocols.wire.messages import Tick
 from protocols.wire.sensed import SensedPacker, empty_sensed
@@ -84,11 +84,16 @@ def rehearse(mission: Mission) -> None:
 
 
 def fly(
-    link: Link, agent: int, leaving: Callable[[], bool], silence_s: float = messages.SILENCE_LIMIT_S
+    link: Link,
+    agent: int,
+    policy: str,
+    leaving: Callable[[], bool],
+    silence_s: float = messages.SILENCE_LIMIT_S,
 ) -> Ending:
     """Take part in a flight in a relayed world as drone ``agent`` until it is over; return why it ended.
 
     Args:
+        policy: what it flies. That is decided here and never by the world, so no network chooses what code runs.
         silence_s: leave when the world has said nothing for this long. Counted in this process's own running time: a pause of it
             is no silence of the world.
 
@@ -99,7 +104,7 @@ def fly(
     clock = WorldClock(link, leaving, silence_s)
     welcome = clock.join()
     if welcome is not None:
-        mission = parse_mission(welcome.mission, "the world's mission")
+        mission = parse_briefing(welcome.briefing, policy)
         drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, clock.world, clock.world)
         drone.fly(clock)
         clock.leave(drone.status())

@@ -26,6 +26,7 @@ def rules_of(mission: Mission) -> Rules:
             range_m=mission.radio.range_m,
             memory_ticks=mission.memory_ticks,
             max_hops=mission.radio.hops,
+            speed_mps=mission.limits.speed_mps,
         ),
         swap=trigger.SwapRules(
             rule=trigger.RULES[mission.swap.rule],

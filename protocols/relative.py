@@ -22,11 +22,14 @@ NEVER = -1_000_000  # tick of something that has not happened
 
 
 class RadioRules(NamedTuple):
-    """How far a frame reaches [m], for how many ticks it is believed, and over how many hops one knows of others."""
+    """How far a frame reaches [m], for how many ticks it is believed, over how many hops one knows of others, and how fast a
+    drone can be [m/s]: who says it was faster is not believed.
+    """
 
     range_m: float
     memory_ticks: int
     max_hops: int
+    speed_mps: float
 
 
 class Nearby(NamedTuple):

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from agent.body.relayed import RelayedWorld
 from agent.process import Drone
-from protocols.mission.document import Mission, parse_mission
+from protocols.mission.document import Mission, parse_briefing
 from protocols.wire import messages
 from protocols.wire.messages import Bye, Farewell, Hello, Ready, Reply, Tick, Wait, Welcome
 from world.outcome import Flown
@@ -77,7 +77,7 @@ class Loopback:
         if agent not in self._alive:
             return
         if isinstance(message, Welcome) and message.process == self.process[agent]:
-            self.drones[agent] = Hosted(parse_mission(message.mission), agent, message)
+            self.drones[agent] = Hosted(parse_briefing(message.briefing, self.mission.policy), agent, message)
             self.say(agent, messages.pack(Ready(message.process)))
         elif isinstance(message, Tick):
             self._tick = message.tick

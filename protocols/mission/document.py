@@ -265,6 +265,16 @@ class Mission(Section):
         """The formation's slots and tree."""
         return _plan(self.formation, self.agents)
 
+    @property
+    def told(self) -> "Mission":
+        """The mission as a drone knows it: nothing from which the field or the future could be told before they are met."""
+        hidden = {"name": "told", "map_seed": 0, "seed": 0, "obstacles": Obstacles(discs=()), "faults": ()}
+        return self.model_copy(update=hidden)
+
+    def briefing(self) -> dict[str, Any]:
+        """What a world tells its drones of the mission, as plain fields. Which policy a drone flies it does not say."""
+        return self.told.model_dump(mode="json", exclude={"policy"})
+
     @model_validator(mode="after")
     def _flyable(self) -> "Mission":
         check_mission(self)
@@ -286,6 +296,15 @@ def parse_mission(fields: dict[str, Any], source: str = "mission") -> Mission:
         return Mission.model_validate(fields)
     except ValidationError as error:
         raise MissionError(f"{source}: {explain(error)}") from None
+
+
+def parse_briefing(fields: dict[str, Any], policy: str) -> Mission:
+    """The mission of a drone that was told ``fields`` and flies ``policy``, whatever it was told of policies.
+
+    Raises:
+        MissionError: as parse_mission.
+    """
+    return parse_mission({**fields, "policy": policy}, "the world's mission")
 
 
 def read_mission_fields(path: Path) -> dict[str, Any]:

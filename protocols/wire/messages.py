@@ -68,10 +68,10 @@ class Farewell(NamedTuple):
 
 
 class Welcome(NamedTuple):
-    """``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted before."""
+    """``briefing``: as Mission.briefing. ``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted."""
 
     process: int
-    mission: dict[str, Any]
+    briefing: dict[str, Any]
     initial_slots: bytes
     boot: int
 

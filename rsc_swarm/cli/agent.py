@@ -24,9 +24,13 @@ def agent(
             help="This drone's own, made by [bold]rsc-swarm keys[/] or the world.",
         ),
     ],
+    policy: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Controller of this drone, as in launch; the world has no say."),
+    ] = "rsc-h20",
     plain_text: PlainText = False,
 ) -> None:
-    """Run one drone alone; it gets its mission from the world."""
+    """Run one drone alone; it gets its mission from the world, and flies its own policy."""
     from rsc_swarm.flight.key_files import read_login
 
     login = read_login(credentials, agent, connect, plain_text)
@@ -37,6 +41,6 @@ def agent(
     def say(seconds: float) -> None:
         typer.echo(f"agent {agent}: ready after {seconds:.2f} s", err=True)
 
-    reason = fly_agent(login, connect, say)
+    reason = fly_agent(login, connect, policy, say)
     typer.echo(f"agent {agent}: {reason}", err=True)
     raise typer.Exit(ExitCode.INTERRUPTED if reason is Ending.ASKED_TO_LEAVE else ExitCode.SUCCEEDED)

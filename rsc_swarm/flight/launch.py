@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -75,7 +75,10 @@ class Launched:
         return self.flown
 
 
-def _agent(agent: int, endpoint: str, login: Login) -> None:
+AgentProcess = Callable[[int, str, Login, str], None]  # agent, endpoint, login, policy
+
+
+def _agent(agent: int, endpoint: str, login: Login, policy: str) -> None:
     """A drone's process. It works in bursts, and waking up must not push the world off its core: that is batch scheduling.
 
     However long the world is silent, it stays: its launcher ends it.
@@ -88,7 +91,7 @@ def _agent(agent: int, endpoint: str, login: Login) -> None:
     leave = leave_on_sigterm()
     try:
         with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
-            print(f"agent {agent}: {fly(link, agent, lambda: leave.asked, math.inf)}", flush=True)
+            print(f"agent {agent}: {fly(link, agent, policy, lambda: leave.asked, math.inf)}", flush=True)
     except PolicyError as error:
         print(f"{_POLICY_SAID}{error}", flush=True)
         raise SystemExit(_POLICY_WENT_WRONG) from None
@@ -116,7 +119,9 @@ class _Launch:
         keeping: tuple[Path | None, Callable[[Flown], object]],
         supervisor: Supervisor,
         folder: RunFolder,
+        insiders: Mapping[int, AgentProcess],
     ) -> None:
+        self._insiders = insiders
         self._mission, self._logs, self._supervisor, self._folder = mission, logs, supervisor, folder
         self._credentials = Credentials.fresh(mission.swarm, mission.agents)
         self._pipe, theirs = Pipe()
@@ -143,7 +148,9 @@ class _Launch:
         return (self._logs or self._folder.path) / f"{name}.log"
 
     def _start_agent(self, agent: int) -> None:
-        self._start(_name(agent), _agent, agent, self._folder.endpoint, self._credentials.login(agent))
+        login, policy = self._credentials.login(agent), self._mission.policy
+        process = self._insiders.get(agent, _agent)
+        self._start(_name(agent), process, agent, self._folder.endpoint, login, policy)
         self._tell("started", agent, self._supervisor.pid(_name(agent)))
 
     def _tell(self, what: str, agent: int, value: object) -> None:
@@ -270,12 +277,14 @@ def launch(
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     weigh: bool = False,
     keep: Callable[[Flown], object] = lambda flown: None,
+    insiders: Mapping[int, AgentProcess] = {},
 ) -> Launched:
     """Fly ``mission`` in one process per drone.
 
     Args:
         run_dir: an existing folder for ``logs/`` and ``trajectory.npz``.
         weigh: measure the drones' memory once in mid-flight.
+        insiders: what the processes of some drones do instead of flying honestly.
         keep: called in the world's process, should this one be killed: its last chance to keep what was flown.
 
     Raises:
@@ -293,7 +302,7 @@ def launch(
         logs.mkdir(exist_ok=True)
     keeping = (run_dir / "trajectory.npz" if run_dir else None, keep)
     with leave_when_asked() as leave, RunFolder() as folder, Supervisor() as supervisor:
-        run = _Launch(mission, clock, logs, keeping, supervisor, folder)
+        run = _Launch(mission, clock, logs, keeping, supervisor, folder, insiders)
         flown, unsaved, error = run.watch(on_snapshot, weigh, leave)
         supervisor.stop(_GRACE_S)
     born = psutil.Process(os.getpid()).create_time()
@@ -333,9 +342,9 @@ def serve_world(
 
 
 def fly_agent(
-    login: Login, endpoint: str, on_ready: Callable[[float], None] = lambda seconds: None
+    login: Login, endpoint: str, policy: str, on_ready: Callable[[float], None] = lambda seconds: None
 ) -> Ending:
-    """Be one drone alone, as on its companion computer; return why the flight ended.
+    """Be one drone alone, as on its companion computer, and fly ``policy``; return why the flight ended.
 
     Raises:
         RunBroken: no world there, the login is refused, or the world fell silent.
@@ -343,11 +352,11 @@ def fly_agent(
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
     make_room(1)
-    rehearse(parse_mission({"agents": 4}))  # who leaves before this is done has nothing to lose
+    rehearse(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
     try:
         with leave_when_asked() as leave, AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
             on_ready(time.time() - psutil.Process().create_time())
-            reason = fly(link, login.agent, lambda: leave.asked)
+            reason = fly(link, login.agent, policy, lambda: leave.asked)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:

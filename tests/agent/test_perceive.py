@@ -13,7 +13,7 @@ from protocols.wire.sensed import empty_sensed
 from tests.parts import empty_parts
 
 N = 10
-RADIO = RadioRules(range_m=6.0, memory_ticks=30, max_hops=3)
+RADIO = RadioRules(range_m=6.0, memory_ticks=30, max_hops=3, speed_mps=10.0)
 
 
 def frame(sender: int = 3, tick: int = 500, **fields: object) -> Frames:
@@ -27,7 +27,7 @@ def frame(sender: int = 3, tick: int = 500, **fields: object) -> Frames:
 def heard(*frames: Frames) -> Memory:
     memory = empty_memory(1, N)
     for one in frames:
-        hear_frame(memory, 0, one, 0)
+        hear_frame(memory, 0, one, 0, RADIO)
     return memory
 
 
@@ -243,7 +243,7 @@ def test_a_rumour_never_makes_a_silent_drone_younger() -> None:
     for tick in range(101, 400):
         parts = drone(memory)
         compose(tick, parts)
-        hear_frame(memory, 0, parts.frames, 0)
+        hear_frame(memory, 0, parts.frames, 0, RADIO)
         assert memory.last_seen[0, 5] == 100
 
 
@@ -254,3 +254,15 @@ def test_one_that_forgets_takes_nobody_for_dead() -> None:
     assert memory.heard_tick[0].tolist() == [NEVER] * N
     assert memory.last_seen[0].tolist() == [600] * N
     assert memory.disc_count[0] == 0
+
+
+def test_who_says_it_moved_as_no_drone_can_is_not_believed() -> None:
+    """The limit of the mission is 10 m/s: in 10 ms nobody gets further than 0.1 m, and half a metre is forgiven."""
+    honest = frame(tick=500, motion=(1, 2, 3, 4))
+    assert heard(frame(tick=500, motion=(1, 2, 10.2, 0))).heard_tick[0, 3] == NEVER
+    for lie in ((1, 2, 1e30, 0), (1, 2, 0, -11), (3, 2, 0, 0), (1, -3e38, 0, 0)):
+        memory = heard(honest, frame(tick=501, motion=lie))
+        assert (memory.heard_tick[0, 3], memory.heard_motion[0, 3].tolist()) == (500, [1, 2, 3, 4])
+    for truth in ((1.1, 2, 0, -10), (1, 2.55, 3, 4)):
+        assert heard(honest, frame(tick=501, motion=truth)).heard_tick[0, 3] == 501
+    assert heard(honest, frame(tick=531, motion=(99, 99, 0, 0))).heard_tick[0, 3] == 531, "forgotten by then"

@@ -35,7 +35,8 @@ from tests.loopback import Hosted
 
 MISSION = parse_mission({"agents": 6})
 ME, TAG = 2, swarm_tag("rsc")
-WELCOME = Welcome(0, MISSION.model_dump(mode="json"), bytes(range(6)), 0)
+WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0)
+POLICY = "rsc-h20"
 
 
 def sensed() -> Any:
@@ -276,7 +277,7 @@ class Script:
 
 def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
     world = Script(WELCOME, ticked(0, []), Wait(), ticked(1, []), Bye())
-    assert fly(world, ME, lambda: False) is Ending.OVER
+    assert fly(world, ME, POLICY, lambda: False) is Ending.OVER
     assert world.kinds == [Hello, Ready, Reply, Ready, Reply, Farewell]
     assert world.answered == [0, 1]
     assert {message.process for message in world.heard} == {world.process}
@@ -284,25 +285,25 @@ def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
 
 def test_a_drone_repeats_its_hello_until_it_is_welcomed_and_leaves_a_silent_world() -> None:
     world = Script()
-    assert fly(world, ME, lambda: False) is Ending.WORLD_SILENT
+    assert fly(world, ME, POLICY, lambda: False) is Ending.WORLD_SILENT
     assert world.kinds == [Hello] * len(world.heard)
     assert len(world.heard) > 3
 
 
 def test_a_world_that_only_says_wait_is_not_silent() -> None:
     world = Script(*[Wait()] * 500, Bye())
-    assert fly(world, ME, lambda: False) is Ending.OVER
+    assert fly(world, ME, POLICY, lambda: False) is Ending.OVER
 
 
 def test_a_drone_leaves_when_asked_to() -> None:
     world = Script(WELCOME, *(ticked(tick, []) for tick in range(100)))
-    assert fly(world, ME, lambda: len(world.heard) > 10) is Ending.ASKED_TO_LEAVE
+    assert fly(world, ME, POLICY, lambda: len(world.heard) > 10) is Ending.ASKED_TO_LEAVE
     assert len(world.heard) == 11
 
 
 def test_ticks_before_the_welcome_are_not_answered() -> None:
     world = Script(ticked(0, []), WELCOME, ticked(1, []), Bye())
-    fly(world, ME, lambda: False)
+    fly(world, ME, POLICY, lambda: False)
     assert world.answered == [1]
 
 
@@ -310,7 +311,7 @@ def test_a_drone_that_is_asked_again_answers_the_same_and_does_not_act_twice() -
     world = Script(
         WELCOME, ticked(0, []), ticked(1, GOOD), ticked(1, GOOD), ticked(0, []), ticked(2, []), Bye()
     )
-    fly(world, ME, lambda: False)
+    fly(world, ME, POLICY, lambda: False)
     said = [message for message in world.heard if isinstance(message, Reply)]
     assert [reply.tick for reply in said] == [0, 1, 1, 2]
     assert said[1] == said[2]
@@ -319,19 +320,19 @@ def test_a_drone_that_is_asked_again_answers_the_same_and_does_not_act_twice() -
 def test_a_drone_that_hears_nothing_says_now_and_then_that_it_is_there() -> None:
     """So the world asks again what was lost, and a world that was started anew says that it does not know it."""
     world = Script(WELCOME, ticked(0, []))
-    assert fly(world, ME, lambda: False, silence_s=4.0) == Ending.WORLD_SILENT
+    assert fly(world, ME, POLICY, lambda: False, silence_s=4.0) == Ending.WORLD_SILENT
     assert world.kinds == [Hello, Ready, Reply, Ready, Ready, Ready]
 
 
 def test_a_second_welcome_does_not_make_a_drone_forget() -> None:
     world = Script(WELCOME, ticked(0, []), WELCOME, ticked(1, []), Bye())
-    fly(world, ME, lambda: False)
+    fly(world, ME, POLICY, lambda: False)
     assert world.kinds.count(Ready) == 1
 
 
 def test_what_is_said_to_another_process_with_its_login_moves_it_not() -> None:
     world = Script(WELCOME._replace(process=7), ticked(0, []), Refused(7, "not you"), Wait(), Bye())
-    assert fly(world, ME, lambda: False) is Ending.OVER
+    assert fly(world, ME, POLICY, lambda: False) is Ending.OVER
     assert world.kinds == [Hello]
 
 

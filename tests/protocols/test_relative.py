@@ -29,7 +29,7 @@ def relate(
             known[sender, entry], displacement[sender, entry] = other, step
     hops, rel = np.zeros(agents, np.int64), np.zeros((agents, 2))
     near_id, near_rel = np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)])
-    rules = RadioRules(range_m=6.0, memory_ticks=memory, max_hops=max_hops)
+    rules = RadioRules(range_m=6.0, memory_ticks=memory, max_hops=max_hops, speed_mps=10.0)
     said = Heard(heard_tick, one_hop, count, known, displacement)
     chain_displacements(0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel)
     return hops.tolist(), rel

@@ -29,7 +29,7 @@ LINE = build_formation(
 )  # slots 0 1 2 3 4 abreast; root 2, then 1 and 3, then 0 and 4
 DEPTH = np.array([2, 1, 0, 1, 2])
 ME, OTHER = 1, 3
-RADIO = RadioRules(range_m=6.0, memory_ticks=50, max_hops=3)
+RADIO = RadioRules(range_m=6.0, memory_ticks=50, max_hops=3, speed_mps=10.0)
 
 
 def square(vector: NDArray[np.float64]) -> float:

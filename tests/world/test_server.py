@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from protocols.mission.document import Mission, parse_mission
+from protocols.mission.document import Mission, parse_briefing, parse_mission
 from protocols.wire import messages
 from protocols.wire.messages import Hello, Ready, Refused, Reply, Tick, Wait, Welcome
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
@@ -553,10 +553,24 @@ def test_a_picture_tells_who_flies_and_who_is_frozen() -> None:
     assert (picture.obstacles, picture.obstacles_passed) == (1, 0)
 
 
-def test_drones_get_the_mission_of_the_world() -> None:
-    swarm = Loopback(mission(swarm="blue", policy="cruise"))
-    WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
-    assert swarm.drones[5].mission == swarm.mission
+def test_drones_are_told_what_they_need_and_nothing_of_the_field_the_future_or_the_code_to_run() -> None:
+    task = mission(
+        swarm="blue", policy="cruise", map_seed=7, seed=9, obstacles={"discs": [[20, 0, 2]]},
+        faults=[{"at_s": 0.1, "kind": "kill", "agents": [1]}],
+    )  # fmt: skip
+    swarm = Loopback(task)
+    WorldServer(task, swarm, "lockstep", swarm).run()
+    briefing, told = task.briefing(), swarm.drones[5].mission
+    assert "policy" not in briefing
+    assert (briefing["map_seed"], briefing["seed"], briefing["faults"]) == (0, 0, [])
+    assert briefing["obstacles"]["discs"] == []
+    assert (told.swarm, told.policy, told.limits, told.plan) == (task.swarm, "cruise", task.limits, task.plan)
+    assert told == task.told
+
+
+def test_a_world_that_names_code_to_run_is_not_heard() -> None:
+    told = parse_briefing({**mission().briefing(), "policy": "evil.py:Evil"}, "cruise")
+    assert told.policy == "cruise"
 
 
 @pytest.mark.usefixtures("impatient")

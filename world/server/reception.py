@@ -12,12 +12,12 @@ _UNKNOWN = "the world does not know this process: it has been started anew"
 
 
 class Reception:
-    """For the drones behind ``peers``; ``mission`` and ``initial_slots`` as in Welcome."""
+    """For the drones behind ``peers``; ``briefing`` and ``initial_slots`` as in Welcome."""
 
     def __init__(
-        self, link: Link, peers: Sequence[Peer], mission: dict[str, Any], initial_slots: bytes
+        self, link: Link, peers: Sequence[Peer], briefing: dict[str, Any], initial_slots: bytes
     ) -> None:
-        self._link, self._peers, self._mission, self._initial_slots = link, peers, mission, initial_slots
+        self._link, self._peers, self._briefing, self._initial_slots = link, peers, briefing, initial_slots
         self._refused: set[int] = set()
 
     def send(self, agent: int, message: messages.FromWorld) -> None:
@@ -37,7 +37,7 @@ class Reception:
         peer = self._peers[agent]
         if not peer.knock(hello.process, now_s, paused) or peer.ready:
             return False
-        self.send(agent, messages.Welcome(hello.process, self._mission, self._initial_slots, peer.boot))
+        self.send(agent, messages.Welcome(hello.process, self._briefing, self._initial_slots, peer.boot))
         return True
 
     def refuse(self, agent: int, process: int) -> None:

@@ -71,7 +71,7 @@ class WorldServer:
         agents = mission.agents
         self.peers = [Peer() for _ in range(agents)]
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
-        self._reception = Reception(link, self.peers, mission.model_dump(mode="json"), slots)
+        self._reception = Reception(link, self.peers, mission.briefing(), slots)
         self._sensors = SensedPacker(self.core.sensed)
         self._said = Said(self.core)
         self._farewells: dict[int, AgentStatus] = {}
