@@ -342,7 +342,7 @@ def test_a_drone_that_is_refused_leaves_and_says_why() -> None:
             return messages.pack(Refused(self.process, "there is one already"))
 
     with pytest.raises(LinkError, match=r"^there is one already$"):
-        fly(Refusing(), ME, lambda: False)
+        fly(Refusing(), ME, POLICY, lambda: False)
 
 
 def test_a_pause_of_its_own_is_no_silence_of_the_world(monkeypatch: pytest.MonkeyPatch) -> None:
