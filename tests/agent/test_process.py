@@ -355,7 +355,7 @@ def test_a_pause_of_its_own_is_no_silence_of_the_world(monkeypatch: pytest.Monke
             return super().receive(timeout_s) if self.heard.count(self.heard[0]) > 5 else None
 
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
-    assert fly(Stopped(Bye()), ME, lambda: False, silence_s=2.0) is Ending.OVER
+    assert fly(Stopped(Bye()), ME, POLICY, lambda: False, silence_s=2.0) is Ending.OVER
 
 
 def test_a_drone_tells_of_itself_now_and_then() -> None:
