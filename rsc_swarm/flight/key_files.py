@@ -5,13 +5,15 @@ Only their owner may read them.
 
 import os
 import stat
+import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
 
 from protocols.errors import BrokenError, SwarmError
-from protocols.whole_file import write_whole
+from protocols.whole_file import WriteError, write_whole
 from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
 from protocols.wire.keys import user
@@ -39,7 +41,7 @@ def make_key_files(
 
     Raises:
         KeyFolderError: ``folder`` holds keys and ``overwrite`` is not set, or there cannot be such keys.
-        protocols.whole_file.WriteError: they cannot be written.
+        protocols.whole_file.WriteError: they cannot be written; what was in ``folder`` is as it was.
     """
     try:
         keys = make_keys(swarm, agents, addresses, days, datetime.now(UTC))
@@ -51,11 +53,21 @@ def make_key_files(
             f"{folder}: holds keys already; give a new directory, or --overwrite: then no old key is good any more"
         )
     _make_private(folder)
-    for file in old:
+    try:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as name:  # all of them or none
+            new = Path(name)
+            for login in keys.logins:
+                write_whole(new / f"{user(login.agent)}.json", login.to_json(), private=True)
+            write_whole(new / _WORLD, keys.world.to_json(), private=True)
+            made = {file.replace(folder / file.name) for file in list(new.iterdir())}
+    except (WriteError, OSError) as error:
+        with suppress(OSError):  # it holds other things
+            folder.rmdir()
+        if isinstance(error, WriteError):
+            raise WriteError(str(error).replace(name, str(folder))) from None
+        raise WriteError(f"{folder}: cannot be written ({error.strerror})") from None
+    for file in set(old) - made:
         file.unlink()
-    for login in keys.logins:
-        write_whole(folder / f"{user(login.agent)}.json", login.to_json(), private=True)
-    write_whole(folder / _WORLD, keys.world.to_json(), private=True)
 
 
 def make_login_files(folder: Path, swarm: str, agents: int) -> Credentials:

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from protocols.errors import SwarmError
+from protocols.whole_file import WriteError
 from protocols.wire.endpoints import PlainTextError
 from protocols.wire.login import Login
+from rsc_swarm.flight import key_files
 from rsc_swarm.flight.key_files import (
     KeyFileError,
     KeyFolderError,
@@ -75,6 +77,28 @@ def test_keys_are_not_overwritten_unasked(tmp_path: Path) -> None:
     make_key_files(tmp_path, "wedge", 2, ["127.0.0.1"], 9, overwrite=True)
     assert (tmp_path / "agent-0.json").read_text() != first
     assert not (tmp_path / "agent-2.json").exists()  # an old one would be good for nothing
+
+
+def test_a_disk_that_fills_leaves_the_keys_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old, new = tmp_path / "old", tmp_path / "new"
+    make_key_files(old, "wedge", 3, ["127.0.0.1"], 9, overwrite=False)
+    before = {file.name: file.read_text() for file in old.iterdir()}
+    whole = key_files.write_whole
+
+    def filling(path: Path, content: str, private: bool) -> None:
+        if path.name == "world.json":
+            raise WriteError(f"{path}: cannot be written (No space left on device)")
+        whole(path, content, private)
+
+    monkeypatch.setattr(key_files, "write_whole", filling)
+    for folder, overwrite in ((old, True), (new, False)):
+        line = rf"^{folder}/world.json: cannot be written \(No space left on device\)$"
+        with pytest.raises(WriteError, match=line):
+            make_key_files(folder, "wedge", 2, ["127.0.0.1"], 9, overwrite)
+    assert {file.name: file.read_text() for file in old.iterdir()} == before
+    assert not new.exists()
 
 
 def test_logins_of_one_flight_are_made_afresh(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 import psutil
 import pytest
 
+import rsc_swarm as rs
+
 SHORT = ["--agents", "2", "--map", "3", "--set", "fly_s=1"]
 # The command, which also tells the test, in a file of its own, what it keeps secret.
 TELLTALE = """
@@ -125,6 +127,8 @@ def test_a_world_and_its_drones_with_keys_show_none_of_them(watch: Watch, tmp_pa
         own = ["--agent", str(agent), "--credentials", str(keys / f"agent-{agent}.json")]
         watch.start(f"agent-{agent}", *rsc, "agent", "--connect", endpoint, *own)
     watch.look_until_all_have_ended()
-    assert (watch.folder / "run" / "report.json").is_file(), watch.seen
+    report = json.loads((watch.folder / "run" / "report.json").read_text())
     assert watch.shows(secrets) == []
     assert watch.shows({endpoint.encode()})  # what is not secret is seen where it is looked for
+    twin = rs.simulate([rs.mission(agents=2, map_seed=3, fly_s=1)])[0].report
+    assert report["digest"] == twin.digest  # what is encrypted on its way is the same flight
