@@ -45,7 +45,7 @@ import sys
 from pathlib import Path
 print("born", flush=True)
 from rsc_swarm.flight.key_files import read_login
-from rsc_swarm.flight.launch import fly_agent
+from rsc_swarm.flight.alone import fly_agent
 endpoint = sys.argv[1]
 login = read_login(Path(sys.argv[2]) / "agent-0.json", 0, endpoint, plain_text=False)
 fly_agent(login, endpoint, lambda seconds: print(seconds, flush=True))

@@ -36,7 +36,7 @@ def agent(
     login = read_login(credentials, agent, connect, plain_text)
     announce_compiling()
     from agent.body.relayed import Ending
-    from rsc_swarm.flight.launch import fly_agent
+    from rsc_swarm.flight.alone import fly_agent
 
     def say(seconds: float) -> None:
         typer.echo(f"agent {agent}: ready after {seconds:.2f} s", err=True)

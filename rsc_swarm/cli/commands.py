@@ -9,6 +9,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     mission,
     plot,
     schema,
+    selfcheck,
     simulate,
     tables,
     train,

@@ -4,7 +4,7 @@ import os
 import sys
 
 from protocols.errors import ExitCode, SwarmError
-from rsc_swarm.machine.leaving import leave_at_once, leave_with
+from rsc_swarm.machine.leaving import all_is_done, leave_at_once
 
 
 def main() -> None:
@@ -14,7 +14,7 @@ def main() -> None:
 
     stand_by_streams()
     code = _carry_out(sys.argv[1:] or ["--help"])
-    leave_with(code)
+    all_is_done()
     sys.exit(code)
 
 

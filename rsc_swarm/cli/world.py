@@ -68,9 +68,9 @@ def _fly(
     listen: list[str], keys: Path | None, logins: Path | None, join_s: float, flight: "Flight"
 ) -> "Told":
     from rsc_swarm.cli.fly import Told, told_unsaved
+    from rsc_swarm.flight.alone import serve_world
     from rsc_swarm.flight.door import door_watched
     from rsc_swarm.flight.key_files import make_login_files, read_credentials
-    from rsc_swarm.flight.launch import serve_world
 
     mission, place = flight.mission, flight.folder
     if keys:

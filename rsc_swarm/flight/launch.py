@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -18,28 +18,24 @@ from typing import Any
 
 import psutil
 
-from agent.body.relayed import Ending
 from agent.policy import PolicyError, policy_file
 from agent.process import fly, rehearse
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode, SwarmError
-from protocols.mission.document import Mission, parse_mission
-from protocols.wire.keys import LinkError
+from protocols.mission.document import Mission
 from protocols.wire.login import Login
 from rsc_swarm.flight.busy import answer, busy_at, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
-from rsc_swarm.flight.world_process import be_world, save_path
+from rsc_swarm.flight.world_process import be_world
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from world.outcome import Flown
-from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
-from world.server.link import WorldLink
-from world.server.ports import STRUCK_OFF, NoControl
-from world.server.session import Clock, ServerError, WorldServer
+from world.server.ports import STRUCK_OFF
+from world.server.session import Clock
 
 _GRACE_S = 2.0
 _SAVING_S = 60.0  # patience for a world that was asked to leave
@@ -307,62 +303,3 @@ def launch(
         supervisor.stop(_GRACE_S)
     born = psutil.Process(os.getpid()).create_time()
     return Launched(flown, flown.first_tick_at - born, run.pss_mb, unsaved if run_dir else None, error)
-
-
-def serve_world(
-    mission: Mission,
-    clock: Clock,
-    listen: Sequence[str],
-    credentials: Credentials,
-    on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
-    trajectory: Path | None = None,
-    join_s: float = 120.0,
-) -> tuple[Flown, str | None]:
-    """Be the world alone: wait for all drones, fly.
-
-    Returns:
-        The flight, and why ``trajectory`` could not be written.
-
-    Raises:
-        RunBroken: it cannot listen there, drones did not come, or one was lost without the mission's doing.
-    """
-    make_room(mission.agents)
-    warm_up(mission)
-    recorder = Recorder(mission) if trajectory else None
-    with leave_when_asked() as leave:
-        try:
-            with WorldLink(credentials, listen) as link:
-                control = NoControl(lambda: leave.asked, on_snapshot)
-                record = recorder.record if recorder else None
-                flown = WorldServer(mission, link, clock, control, record, join_s).run()
-        except (ServerError, LinkError) as error:
-            save_path(recorder, trajectory)
-            raise RunBroken(str(error)) from None
-        return flown, save_path(recorder, trajectory)
-
-
-def fly_agent(
-    login: Login, endpoint: str, policy: str, on_ready: Callable[[float], None] = lambda seconds: None
-) -> Ending:
-    """Be one drone alone, as on its companion computer, and fly ``policy``; return why the flight ended.
-
-    Raises:
-        RunBroken: no world there, the login is refused, or the world fell silent.
-        rsc_swarm.machine.limits.MachineError: the machine gives too little.
-        agent.policy.PolicyError: the policy cannot be had here, or raised.
-    """
-    make_room(1)
-    rehearse(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
-    try:
-        with leave_when_asked() as leave, AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
-            on_ready(time.time() - psutil.Process().create_time())
-            reason = fly(link, login.agent, policy, lambda: leave.asked)
-    except PolicyError:
-        raise
-    except (LinkError, ValueError) as error:
-        if leave.asked:
-            return Ending.ASKED_TO_LEAVE
-        raise RunBroken(str(error)) from None
-    if reason is Ending.WORLD_SILENT:
-        raise RunBroken(f"agent {login.agent}: {reason}")
-    return reason

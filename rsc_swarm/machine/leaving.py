@@ -22,7 +22,7 @@ _ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _UNWIND_S = 10.0  # for who was asked and has not left by then
 _STOPPED = 130  # protocols.errors.ExitCode.INTERRUPTED, which is not imported yet
 
-_Handler = Callable[[int, FrameType | None], None]
+_Handler = Callable[[int, FrameType | None], None] | signal.Handlers
 
 
 class Leave:
@@ -46,9 +46,12 @@ def leave_at_once() -> None:
     _answer(_vanish)
 
 
-def leave_with(code: int) -> None:
-    """From now on whoever asks only hurries it: all is done, and the process ends with ``code`` either way."""
-    _answer(lambda number, frame: os._exit(code))
+def all_is_done() -> None:
+    """From now on whoever asks comes too late: the process is leaving, and how it ended is settled.
+
+    What is ignored stays so to the end. Any other answer Python takes back while it leaves, and then a signal would kill it.
+    """
+    _answer(signal.SIG_IGN)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ Whatever it is: one line says what is wrong, no traceback, nothing left behind, 
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -13,6 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from rsc_swarm.flight.key_files import make_login_files
+from rsc_swarm.machine.service import Service
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "rsc_swarm"]
@@ -251,3 +255,65 @@ def test_a_disk_without_any_room_is_told_before_anything_is_flown(tiny_disk: Pat
     said = run("launch", "--agents", "2", "--run-dir", str(tiny_disk / "run"))
     assert (said.returncode, len(complaints(said))) in ((2, 1), (3, 1))
     assert "cannot be written (No space left on device)" in said.stderr
+
+
+# --- a service manager -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_a_service_says_that_it_is_ready_and_that_it_lives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, abstract: bool
+) -> None:
+    address = f"@rsc-swarm-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(address.replace("@", "\0"))
+        monkeypatch.setenv("NOTIFY_SOCKET", address)
+        monkeypatch.setenv("WATCHDOG_USEC", "100000")
+        monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()))
+        service = Service()
+        service.ready("waiting")
+        assert [service.alive(False), service.alive(False), service.alive(True)] == [False, False, True]
+        time.sleep(0.06)
+        service.alive(False)
+        said = [manager.recv(100) for _ in range(3)]
+        assert said == [b"READY=1\nSTATUS=waiting", b"WATCHDOG=1", b"WATCHDOG=1"], "not at every tick"
+        for _ in range(1000):  # nobody reads: nobody waits for that
+            service.ready("still there")
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{}, {"WATCHDOG_USEC": "x"}, {"WATCHDOG_USEC": "1", "WATCHDOG_PID": "1"}, {"NOTIFY_SOCKET": "/nowhere"}],
+)
+def test_without_a_service_manager_nothing_happens(
+    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
+) -> None:
+    for name in ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    service = Service()
+    service.ready("waiting")
+    assert service.alive(True)
+    assert not service.alive(False)
+
+
+def test_a_drone_that_looks_for_a_world_tells_its_service_manager_and_leaves_when_asked(
+    tmp_path: Path,
+) -> None:
+    make_login_files(tmp_path / "keys", "rsc", 1)
+    login = tmp_path / "keys" / "agent-0.json"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(180)
+        process = subprocess.Popen(
+            [*COMMAND, "agent", "--agent", "0", "--connect", "tcp/127.0.0.1:1", "--credentials", str(login)],
+            env={**os.environ, "PYTHONPATH": str(ROOT), "RSC_SWARM_PYTHON_KERNELS": "1",
+                 "NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "200000"},
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        said = [manager.recv(100) for _ in range(4)]
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=60)
+    assert said == [b"READY=1\nSTATUS=looking for the world at tcp/127.0.0.1:1", *[b"WATCHDOG=1"] * 3]
+    assert (process.returncode, err.splitlines()[-1]) == (130, "agent 0: asked to leave")

@@ -1,0 +1,100 @@
+"""Flying on several machines: the world alone, or one drone alone, each the only one of its flight in this process.
+
+Both tell a service manager that they are ready, and ping its watchdog from the loop that flies: one that hangs is ended.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import psutil
+
+from agent.body.relayed import Ending
+from agent.policy import PolicyError
+from agent.process import fly, rehearse
+from agent.radio.link import AgentLink
+from protocols.mission.document import Mission, parse_mission
+from protocols.wire.keys import LinkError
+from protocols.wire.login import Login
+from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.flight.simulate import warm_up
+from rsc_swarm.flight.world_process import save_path
+from rsc_swarm.machine.leaving import leave_when_asked
+from rsc_swarm.machine.limits import make_room
+from rsc_swarm.machine.service import Service
+from world.outcome import Flown
+from world.outlets.recorder import Recorder
+from world.outlets.snapshot import Snapshot
+from world.server.credentials import Credentials
+from world.server.link import WorldLink
+from world.server.ports import NoControl
+from world.server.session import Clock, ServerError, WorldServer
+
+
+def serve_world(
+    mission: Mission,
+    clock: Clock,
+    listen: Sequence[str],
+    credentials: Credentials,
+    on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
+    trajectory: Path | None = None,
+    join_s: float = 120.0,
+) -> tuple[Flown, str | None]:
+    """Be the world alone: wait for all drones, fly.
+
+    Returns:
+        The flight, and why ``trajectory`` could not be written.
+
+    Raises:
+        RunBroken: it cannot listen there, or drones did not come. KeyboardInterrupt: asked to leave before all had come.
+    """
+    make_room(mission.agents)
+    warm_up(mission)
+    recorder = Recorder(mission) if trajectory else None
+    service = Service()
+    with leave_when_asked() as leave:
+        try:
+            with WorldLink(credentials, listen) as link:
+                service.ready(f"waiting for {mission.agents} drones")
+                control = NoControl(lambda: service.alive(leave.asked), on_snapshot)
+                record = recorder.record if recorder else None
+                flown = WorldServer(mission, link, clock, control, record, join_s).run()
+        except (ServerError, LinkError) as error:
+            if leave.asked:
+                raise KeyboardInterrupt from None
+            raise RunBroken(str(error)) from None
+        return flown, save_path(recorder, trajectory)
+
+
+def fly_agent(
+    login: Login, endpoint: str, policy: str, on_ready: Callable[[float], None] = lambda seconds: None
+) -> Ending:
+    """Be one drone alone, as on its companion computer, and fly ``policy``; return why the flight ended.
+
+    Raises:
+        RunBroken: no world there, the login is refused, or the world fell silent.
+        rsc_swarm.machine.limits.MachineError: the machine gives too little.
+        agent.policy.PolicyError: the policy cannot be had here, or raised.
+    """
+    make_room(1)
+    rehearse(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
+    service = Service()
+    service.ready(f"looking for the world at {endpoint}")
+    try:
+        with leave_when_asked() as leave:
+
+            def leaving() -> bool:
+                return service.alive(leave.asked)
+
+            with AgentLink(endpoint, login, leaving=leaving) as link:
+                on_ready(time.time() - psutil.Process().create_time())
+                reason = fly(link, login.agent, policy, leaving)
+    except PolicyError:
+        raise
+    except (LinkError, ValueError) as error:
+        if leave.asked:
+            return Ending.ASKED_TO_LEAVE
+        raise RunBroken(str(error)) from None
+    if reason is Ending.WORLD_SILENT:
+        raise RunBroken(f"agent {login.agent}: {reason}")
+    return reason
