@@ -10,10 +10,14 @@
 A directory that already holds a flight is used again only if that is asked for; one that holds anything else is refused.
 """
 
+import fcntl
+import os
 import shutil
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -52,6 +56,7 @@ class RunDir:
         self.text = path / "report.txt"
         self.trajectory = path / "trajectory.npz"
         self.logs = path / "logs"
+        self._locked: weakref.finalize[Any, Any] | None = None
 
     def begin(self, mission: Mission, policy_files: Sequence[Path] = (), overwrite: bool = False) -> None:
         """Make the directory, and write the mission and its policy.
@@ -77,6 +82,7 @@ class RunDir:
                     f"--run-dir {self.path}: holds a flight already; give a new directory, or --overwrite"
                 )
             self.path.mkdir(parents=True, exist_ok=True)
+            self._lock()
             for old in (self.report, self.text, self.trajectory):
                 old.unlink(missing_ok=True)
             for folder in (self.logs, self.policy):
@@ -92,6 +98,24 @@ class RunDir:
                 write_whole(self.policy / name, content)
         except OSError as error:
             raise RunDirError(f"--run-dir {self.path}: cannot be written ({error.strerror})") from None
+
+    def _lock(self) -> None:
+        """Keep the directory to this flight: as long as this object lives, or a process forked by then.
+
+        Raises:
+            RunDirError: another run writes here.
+        """
+        if self._locked:
+            return
+        folder = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(folder)
+            raise RunDirError(
+                f"--run-dir {self.path}: another run writes there; give a new directory, or wait for its end"
+            ) from None
+        self._locked = weakref.finalize(self, os.close, folder)
 
     def finish(self, report: FlightReport, text: str) -> None:
         """Write the report, for programs and for people.

@@ -151,3 +151,15 @@ def test_a_report_that_is_none_is_named(tmp_path):
         folder.report.write_bytes(garbage)
         with pytest.raises(RunDirError, match=rf"^{folder.report}: is not the report of a flight$"):
             folder.ended()
+
+
+def test_two_runs_at_once_do_not_write_into_one_directory(tmp_path):
+    first = RunDir(tmp_path / "run")
+    first.begin(SMALL)
+    with pytest.raises(RunDirError) as refused:
+        RunDir(tmp_path / "run").begin(SMALL, overwrite=True)
+    assert str(refused.value) == (
+        f"--run-dir {tmp_path}/run: another run writes there; give a new directory, or wait for its end"
+    )
+    del first
+    RunDir(tmp_path / "run").begin(SMALL)
