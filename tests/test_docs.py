@@ -87,7 +87,10 @@ def test_commands_have_the_options_they_are_shown_with(document: Path) -> None:
         if name.startswith(("-", "$")):
             continue
         assert name in COMMANDS, words
-        known = {option for parameter in COMMANDS[name].params for option in parameter.opts} | {"--help"}
+        command = COMMANDS[name]
+        for word in words[1:2]:  # of a group, the command in it
+            command = getattr(command, "commands", {}).get(word, command)
+        known = {option for parameter in command.params for option in parameter.opts} | {"--help"}
         unknown = [word for word in words if word.startswith("--") and word not in known]
         assert not unknown, (words, unknown)
         if "--mission" in words:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
@@ -84,12 +85,14 @@ def _one(mission: Mission) -> tuple[Size, Size, list[Size]]:
     taken: list[tuple[Size, Size]] = []
 
     def weigh(picture: Snapshot) -> None:
-        if picture.tick >= _SETTLED:
-            sizes = [_size(process) for process in psutil.Process().children()]  # the world was started first
-            taken.append((sizes[0], _sum(sizes[1:])))
+        children = psutil.Process().children()  # the world was started first
+        if picture.tick >= _SETTLED and len(children) == mission.agents + 1:
+            with suppress(psutil.Error):  # the flight is over, and one of them with it
+                sizes = [_size(process) for process in children]
+                taken.append((sizes[0], _sum(sizes[1:])))
 
     launch(mission, on_snapshot=weigh).whole()
-    world, drones = taken[-2]  # at the very last some may have gone
+    world, drones = taken[-2]  # at the very last some may be leaving
     return world, drones, [_sum(pair) for pair in taken[:-1]]
 
 
