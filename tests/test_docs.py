@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -187,6 +188,15 @@ def test_the_ready_workflows_are_yaml() -> None:
     workflow, pipeline = (yaml.safe_load(block) for block in blocks)
     assert [list(step) for step in workflow["jobs"]["fly"]["steps"]]
     assert pipeline["fly"]["script"]
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    wheel = f"vendor/rsc_swarm-{version}-py3-none-any.whl"
+    assert workflow["jobs"]["fly"]["env"]["RSC_SWARM"] == pipeline["fly"]["variables"]["RSC_SWARM"] == wheel
+
+
+@every_document
+def test_no_address_stands_in_for_another(document: Path) -> None:
+    assert "example.org" not in document.read_text()
+    assert "example.com" not in document.read_text()
 
 
 def test_the_example_mission_can_be_flown() -> None:
