@@ -129,6 +129,9 @@ class FlightReport(_Part):
     time_s: float = Field(description="length of the flight in simulated seconds")
     agents: int = Field(description="drones that started")
     lost_agents: tuple[int, ...] = Field(description="drones out of the air at the end")
+    missed_faults: tuple[int, ...] = Field(
+        description="faults that did not happen, because the flight was over before: their places in the mission's list, from 0"
+    )
     real_time_factor: float = Field(description="simulated seconds per second of wall clock")
     wall_s: float = Field(description="wall-clock seconds from the first tick to the last")
     deadline_misses: int = Field(
@@ -173,6 +176,7 @@ def report_of(
             "struck_off": [drone._asdict() for drone in outcome.struck_off],
             "detail": describe(outcome, mission, flown.watched.breach),
             "min_distance_m": nearest if math.isfinite(nearest) else None,
+            "missed_faults": missed_faults(mission, outcome.ticks),
             "time_s": round(outcome.ticks * TICK_S, 2),
             "agents": mission.agents,
             "real_time_factor": flown.real_time_factor,
@@ -193,6 +197,11 @@ def report_of(
             "mission": mission.model_dump(mode="json"),
         }
     )
+
+
+def missed_faults(mission: Mission, ticks: int) -> tuple[int, ...]:
+    """Places of the mission's faults that a flight of so many ticks did not come to."""
+    return tuple(place for place, fault in enumerate(mission.faults) if fault.at_tick >= ticks)
 
 
 def _total(flown: Flown, field: str, index: int) -> int:

@@ -63,6 +63,11 @@ def print_notes(out: Console, result: Evaluation, seconds: float, again: Callabl
         "slot: largest slot error at success; nearest: smallest distance ever; swaps: made per flight.",
         soft_wrap=False,
     )
+    if result.missed_faults:
+        out.print(
+            f"{result.missed_faults} of {result.runs} flights were over before all faults of the mission had happened.",
+            soft_wrap=False,
+        )
     if result.mission["faults"] and result.agreed_after_max_s is not None:
         out.print(
             f"Views of the slots equal within 1 s of the last fault in {100 * result.agreed_in_1s_rate:.1f} % of flights, "

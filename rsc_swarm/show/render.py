@@ -10,6 +10,7 @@ from rich.text import Text
 
 from rsc_swarm.flight.report import FlightReport, agents_text, lost_text
 
+_SHOWN_FAULTS = 4
 _HOW = {"simulate": "in one process", "launch": "in real processes", "world": "with drones from elsewhere"}
 
 
@@ -58,6 +59,7 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
         "mission": f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}",
         "worst edge error": "" if alone else f"{edge:.2f} % {when} (limit {tolerance:g} %)",
         f"{'' if alone else 'worst '}slot error": f"{report.max_slot_error_m:.2f} m {when}",
+        "did not happen": _missed(report),
         "lost": lost_text(report.lost_agents) if report.lost_agents else "",
         "swaps": "" if alone else _swaps(report),
         "slots claimed twice": f"{report.overlap_s:.2f} s in all" if report.overlap_s else "",
@@ -78,6 +80,18 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
         "digest": report.digest,
     }
     return [(name, text) for name, text in rows.items() if text]
+
+
+def _missed(report: FlightReport) -> str:
+    """The faults that came too late, each by what it was to do."""
+    faults = [report.mission["faults"][place] for place in report.missed_faults]
+    texts = [f"{fault['kind']} at {fault['at_s']:g} s" for fault in faults[:_SHOWN_FAULTS]]
+    more = len(faults) - len(texts)
+    return (
+        ", ".join(texts) + (f" and {more} more" if more > 0 else "") + " (the flight was over)"
+        if faults
+        else ""
+    )
 
 
 def _times(factor: float) -> str:

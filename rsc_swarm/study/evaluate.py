@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.status import SWAP_COUNTS
-from rsc_swarm.flight.report import describe
+from rsc_swarm.flight.report import describe, missed_faults
 from rsc_swarm.study.finished import FinishedFlights
 from rsc_swarm.study.workers import Flight, Seeds, fly_all
 
@@ -77,6 +77,9 @@ class Evaluation(BaseModel):
     allowed_in_1s_rate: float = Field(description="as agreed_in_1s_rate, of what the radio allowed")
     overlap_mean_s: float = Field(
         description="mean time during which drones claimed the same slot, summed over drones"
+    )
+    missed_faults: int = Field(
+        description="flights that were over before all faults of the mission had happened"
     )
     swaps_per_flight: dict[str, float] = Field(description="mean over runs of the swarm's swap counts")
     failures: list[Failed]
@@ -239,6 +242,7 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         allowed_after_max_s=max(allowed, default=None),
         allowed_in_1s_rate=sum(after <= 1 for after in allowed) / runs,
         overlap_mean_s=fmean(outcome.overlap_s for outcome in outcomes),
+        missed_faults=sum(bool(missed_faults(mission, outcome.ticks)) for outcome in outcomes),
         swaps_per_flight={name: fmean(flight.swaps[name] for flight in flights) for name in SWAP_COUNTS},
         failures=[_failed(flight, mission) for flight in flights if not flight.outcome.success],
         maps=(min(flight.map_seed for flight in flights), max(flight.map_seed for flight in flights)),

@@ -1,16 +1,21 @@
 """What a flight's report says, to programs and to people."""
 
 import dataclasses
+import io
 import json
 from pathlib import Path
 
 import pytest
 
 from protocols.mission.document import Mission
+from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.report import FlightReport, describe, describe_failure, report_of
-from rsc_swarm.show.render import plain, render
+from rsc_swarm.show.evaluation import print_notes
+from rsc_swarm.show.render import console, plain, render
 from rsc_swarm.show.report_schema import json_schema, markdown
+from rsc_swarm.study.evaluate import summarise
+from rsc_swarm.study.workers import Flight
 from world.outcome import Outcome, StruckOff, as_broken
 
 SMALL = Mission(agents=4, map_seed=2)
@@ -129,6 +134,23 @@ def test_a_success_says_who_is_missing_and_whether_it_held():
         "the 8 agents left of 9 in formation beyond the goal line and every obstacle after 7.31 s "
         "but did not hold it for 2 s more"
     )
+
+
+def test_a_fault_that_did_not_happen_is_told():
+    """It was due after the flight had succeeded, which nobody can know beforehand: what survived it did not meet it."""
+    faults = [{"at_s": 0, "kind": "slow", "agents": [1]}, {"at_s": 20, "kind": "kill", "agents": [0]}]
+    mission = Mission(agents=2, obstacles=EMPTY, faults=faults)
+    flown = fly(mission)
+    report = report_of(flown, mission, "simulate", "lockstep", "")
+    assert (report.success, report.missed_faults) == (True, (1,))
+    (line,) = [line for line in plain(render(report)).splitlines() if line.startswith("did not happen")]
+    assert line.endswith("  kill at 20 s (the flight was over)")
+    row = summarise(
+        mission, [Flight(0, 0, flown.outcome, flown.watched, dict.fromkeys(SWAP_COUNTS, 0))], 1, ""
+    )
+    print_notes(console(text := io.StringIO()), row, 1.0, str)
+    assert row.missed_faults == 1
+    assert "1 of 1 flights were over before all faults" in text.getvalue()
 
 
 EMPTY = {"discs": []}
