@@ -223,8 +223,8 @@ def test_a_message_longer_than_the_transport_carries_arrives_whole(world: WorldL
 def test_what_is_too_long_or_too_much_is_turned_away_at_the_door(world: WorldLink, endpoint: str) -> None:
     """... and only that of the agent that says it."""
     with (
-        AgentLink(endpoint, CREDENTIALS.login(0)) as honest,
-        AgentLink(endpoint, CREDENTIALS.login(1)) as other,
+        AgentLink(endpoint, LOGINS[0]) as honest,
+        AgentLink(endpoint, LOGINS[1]) as other,
     ):
         other.send(bytes(messages.MAX_FROM_DRONE + 1))
         other.send(b"short enough")
