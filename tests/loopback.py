@@ -43,6 +43,8 @@ class Hosted:
 class Loopback:
     """Link and control of a `WorldServer` in one: drones answer at once, and do what is done to processes."""
 
+    watches = False
+
     def __init__(self, mission: Mission, meddle: Meddle | None = None) -> None:
         self.mission = mission
         self.drones: dict[int, Hosted] = {}

@@ -2,23 +2,73 @@
 
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Annotated
 
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app
+from rsc_swarm.cli.app import JsonFile, announce_compiling, app, examples
 from rsc_swarm.machine.leaving import unwind_when_asked
 
-selfcheck = typer.Typer(help="Try what no drone, network or machine may bring about.")
-app.add_typer(selfcheck, name="selfcheck")
+selfcheck = typer.Typer(rich_markup_mode="rich")
+app.add_typer(selfcheck, name="selfcheck", help="Try what no drone, network or machine may bring about.")
 
 
-@selfcheck.callback(invoke_without_command=True)
-def insiders(context: typer.Context) -> None:
-    """Try what no drone, network or machine may bring about."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+@selfcheck.callback(
+    invoke_without_command=True,
+    epilog=examples("selfcheck --maps 1", "selfcheck --attacks hellos,late --maps 2 --agents 9"),
+)
+def insiders(
+    context: typer.Context,
+    attacks: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Only these attacks by one drone. (all)")
+    ] = None,
+    maps: Annotated[int, typer.Option(min=1, help="Number of maps, each flown once per attack.")] = 10,
+    agents: Annotated[int, typer.Option("--agents", "-n", min=3, max=100, help="Number of drones.")] = 25,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first map, and of the attacks.")] = 0,
+    json: JsonFile = None,
+) -> None:
+    """Let one drone of a swarm, with a valid login, attack the others in every way known, in real processes.
+
+    Passed if no other drone was ever lost, and the others succeeded in 95 of 100 flights.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    announce_compiling()
+    from json import dumps
+
+    from protocols.mission.document import MissionError, parse_mission
+    from rsc_swarm.cli.output import JsonOutput
+    from rsc_swarm.selfcheck.attacks import ATTACKS
+    from rsc_swarm.selfcheck.table import render
+    from rsc_swarm.selfcheck.trials import passes, rows, trials
+    from rsc_swarm.show.progress import Meter
+    from rsc_swarm.show.render import console
+
+    names = attacks.split(",") if attacks else list(ATTACKS)
+    if unknown := [name for name in names if name not in ATTACKS]:
+        raise MissionError(f"--attacks {unknown[0]}: is none; known are {', '.join(ATTACKS)}")
+    output = JsonOutput(json)
+    missions = [
+        parse_mission({"agents": agents, "map_seed": seed + number, "seed": 1000 * (seed + number)})
+        for number in range(maps)
+    ]
+    total, done, meter = maps * (len(names) + 1), [0], Meter()
+
+    def flown() -> None:
+        done[0] += 1
+        meter.draw(done[0], f"{done[0]} of {total} flights")
+
+    with unwind_when_asked(), closing(meter):
+        meter.begin(f"{total} flights", total)
+        tried = list(trials(missions, names, agents - 1, seed, flown))
+    output.write(dumps([trial._asdict() for trial in tried], indent=2))
+    out = console(output.beside)
+    out.print(render(rows(tried)))
+    good = passes(tried)
+    out.print("PASSED" if good else "FAILED: an honest drone was lost, or too few flights succeeded")
+    raise typer.Exit(ExitCode.SUCCEEDED if good else ExitCode.FAILED)
 
 
 Runs = Annotated[int, typer.Option(min=1, help="How many.")]

@@ -34,6 +34,8 @@ _SO_FAR_EVERY_S = 1.0
 class PipeControl:
     """The launcher, as the world sees it (world.server.ports.Control)."""
 
+    watches = True
+
     def __init__(self, pipe: Connection, leaving: Callable[[], bool]) -> None:
         self._pipe = pipe
         self._asked, self._alone = leaving, False

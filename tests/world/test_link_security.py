@@ -7,6 +7,7 @@ An intruder here is a bare Zenoh session with an agent's true login that does no
 
 import json
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +26,7 @@ from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
 from protocols.wire.transport import secret
 from world.server import link as link_module
+from world.server import pipes
 from world.server.credentials import Credentials, make_keys
 from world.server.link import WorldLink
 
@@ -246,6 +248,27 @@ def test_what_is_too_long_or_too_much_is_turned_away_at_the_door(world: WorldLin
         while (said := world.receive(PATIENCE_S)) != (0, b"still"):
             assert said is not None
             assert said[1] != b"no more"
+
+
+def test_a_link_that_reads_nothing_is_cut_and_the_world_goes_on(
+    world: WorldLink, endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its pipe fills, and the world would wait for it for ever in the middle of a send."""
+    monkeypatch.setattr(pipes, "LOOK_S", 0.05)
+    with (
+        AgentLink(endpoint, LOGINS[0]) as honest,
+        intruder(endpoint, LOGINS[1]) as deaf,
+    ):
+        blocked = threading.Event()
+        deaf.declare_subscriber(
+            keys.rx(SWARM, 1), zenoh.handlers.Callback(lambda _: blocked.wait(60.0) and None, indirect=False)
+        )
+        speak(world, deaf, 1, b"here")
+        for _ in range(200):
+            world.send(1, bytes(3000))
+        world.send(0, b"the world goes on")
+        assert honest.receive(PATIENCE_S) == b"the world goes on"
+        blocked.set()
 
 
 def assert_deaf(world: WorldLink, endpoint: str, mode: str) -> None:

@@ -5,8 +5,8 @@
   on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
 - Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long, or comes while
   too much of the same agent waits to be read, is turned away at the door.
-- ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It would wait for an agent
-  that has stopped reading once its pipe is full, so whoever sends must stop long before that.
+- ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It waits for an agent that has stopped
+  reading once its pipe is full, so whoever sends must stop long before that; if not, the pipe is cut (world.server.pipes).
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
 """
 
@@ -27,6 +27,7 @@ from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON, secret
 from world.server.credentials import Credentials
+from world.server.pipes import Lookout
 
 
 def _check_endpoints(credentials: Credentials, endpoints: Sequence[str]) -> None:
@@ -158,7 +159,9 @@ class WorldLink(Closing):
         self._lock = threading.Lock()
         self._waiting, self._turned_away = [0 for _ in agents], [0 for _ in agents]
         self._barred: set[int] = set()
+        self._sends = 0
         self._session = _open_router(credentials, endpoints)
+        self._lookout = Lookout()
         try:
             self._session.declare_subscriber(
                 keys.every_tx(swarm), zenoh.handlers.Callback(self._hear, indirect=False)
@@ -175,8 +178,11 @@ class WorldLink(Closing):
 
     def send(self, agent: int, payload: bytes) -> None:
         """Send to one agent. An agent that is not connected does not get it, now or later."""
+        self._sends += 1
+        self._lookout.sending = self._sends
         for piece in pieces.cut(payload):
             self._publishers[agent].put(piece)
+        self._lookout.sending = None
 
     def _hear(self, sample: zenoh.Sample) -> None:
         """In a thread of Zenoh's: take in what came, if there is room for it."""
@@ -211,5 +217,6 @@ class WorldLink(Closing):
         return agent, sample.payload.to_bytes()
 
     def close(self) -> None:
+        self._lookout.close()
         if not self._session.is_closed():
             self._session.close()

@@ -1,14 +1,15 @@
 """How long the world waits for whom, in lockstep. No clock of its own: all times are the world's running time [s].
 
-Silence has an end (`PATIENCE_S`). And so has lateness: the time in which one drone alone was awaited, while all others had
-answered, may come to as much as all other time of the flight, and `GRACE_S` more. So no drone, however it spreads its lateness,
-makes a flight take more than twice its time and that grace. One wait counts for no more than `LONGEST_S`, so that a pause costs
-a drone nothing that matters.
+Silence has an end (`PATIENCE_S`, `WATCHED_S`). And so has lateness: the time in which one drone alone was awaited, while all
+others had answered, may come to as much as all other time of the flight, and `GRACE_S` more. So no drone, however it spreads its
+lateness, makes a flight take more than twice its time and that grace. One wait counts for no more than `LONGEST_S`, so that a
+pause costs a drone nothing that matters.
 """
 
 from collections.abc import Set as AbstractSet
 
-PATIENCE_S = 90.0  # for one answer: longer than a pause that nobody told the world of
+PATIENCE_S = 90.0  # for one answer: longer than a pause that nobody told the world of,
+WATCHED_S = 20.0  # or, where it would have been told, longer than a machine lets a process wait
 GRACE_S = 5.0
 LONGEST_S = 1.0
 _ODD = 0.01  # of it
@@ -17,7 +18,9 @@ _ODD = 0.01  # of it
 class Patience:
     """With each of N drones."""
 
-    def __init__(self, agents: int) -> None:
+    def __init__(self, agents: int, watched: bool = False) -> None:
+        """watched: whether a process is stopped is known."""
+        self._patience_s = WATCHED_S if watched else PATIENCE_S
         self._since = [0.0] * agents  # it is awaited
         self._alone = [0.0] * agents  # how long it was awaited alone, all together
         self._late = [0.0] * agents  # the same, no wait counting for more than it may
@@ -45,7 +48,7 @@ class Patience:
 
     def is_odd(self, agent: int, now: float) -> bool:
         """Whether it has been awaited for so long that its process may be stopped; to ask the system costs more than a tick."""
-        return now - self._since[agent] > _ODD * PATIENCE_S
+        return now - self._since[agent] > _ODD * self._patience_s
 
     def pause(self, agent: int, now: float) -> None:
         """The process of this drone is known to be stopped: the wait for it begins anew when it goes on."""
@@ -56,8 +59,8 @@ class Patience:
 
     def over(self, agent: int, now: float, flown_s: float) -> str | None:
         """Why this drone, which is awaited, is awaited no longer; ``flown_s`` of running time after the flight began."""
-        if now - self._since[agent] > PATIENCE_S:
-            return f"it has not answered for {PATIENCE_S:g} s"
+        if now - self._since[agent] > self._patience_s:
+            return f"it has not answered for {self._patience_s:g} s"
         waited = now - self._last_since if agent == self._last else 0.0
         late = self._late[agent] + min(waited, LONGEST_S)
         if late > GRACE_S + flown_s - self._alone[agent] - waited:

@@ -33,6 +33,9 @@ STRUCK_OFF = "struck off"
 class Control(Protocol):
     """Whoever runs the processes: the launcher at the other end of a pipe, or nobody."""
 
+    watches: bool
+    """Whether `paused` knows."""
+
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
         """Do this to the drones' processes: kill, freeze, thaw, restart; or end those of drones that were `STRUCK_OFF`."""
 
@@ -51,6 +54,8 @@ class Control(Protocol):
 
 class NoControl:
     """Nobody runs the processes: each drone is on a machine of its own."""
+
+    watches = False
 
     def __init__(self, leaving: Callable[[], bool], show: Callable[[Snapshot], None]) -> None:
         self.leaving = leaving

@@ -76,7 +76,7 @@ class WorldServer:
         self._said = Said(self.core)
         self._farewells: dict[int, AgentStatus] = {}
         self._now = 0  # the tick
-        self._time, self._patience = RunningTime(), Patience(agents)
+        self._time, self._patience = RunningTime(), Patience(agents, control.watches)
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
         self._misses = 0
         self._told = self._told_bytes = self._heard_bytes = 0

@@ -1,0 +1,108 @@
+"""A drone that has turned: it has its login, joins like any other, and does at every tick what an attack says.
+
+The flight code runs as ever; an attack sees the honest answer before it leaves and decides what is said instead.
+"""
+
+import gc
+from collections.abc import Callable
+from contextlib import suppress
+from random import Random
+from typing import Any, NamedTuple
+
+import msgpack
+
+from agent.process import fly
+from agent.radio.link import AgentLink
+from protocols.wire import keys, messages
+from protocols.wire.login import Login
+from protocols.wire.messages import Reply, Tick
+from rsc_swarm.flight.processes import leave_on_sigterm
+
+LEAVES_S = 30.0  # when the world is silent for so long
+
+
+class Turn(NamedTuple):
+    """One tick of an attack.
+
+    swarm, me, agents: who it is, of how many. asked: the Tick. reply: the honest answer to it. say: to the world. open: another
+    link with the same login. random: the same in every run of this attack. memory: kept from tick to tick.
+    """
+
+    swarm: str
+    me: int
+    agents: int
+    asked: Tick
+    reply: Reply
+    say: Callable[[bytes], None]
+    open: Callable[[], AgentLink]
+    random: Random
+    memory: dict[str, Any]
+
+    def answer(self, **instead: Any) -> None:
+        """Answer honestly, but for these parts of the answer."""
+        self.say(messages.pack(self.reply._replace(**instead)))
+
+    def answer_frame(self, **instead: Any) -> None:
+        """Answer honestly, but for these parts of the frame: fixed, known, displacements, note."""
+        self.answer(frame=altered(self.reply.frame, **instead))
+
+
+Attack = Callable[[Turn], None]
+_PARTS = ("version", "tag", "fixed", "known", "displacements", "note")
+
+
+def altered(frame: bytes | None, **instead: Any) -> bytes | None:
+    """This frame with other parts (protocols.wire.frames)."""
+    if frame is None:
+        return None
+    parts = dict(zip(_PARTS, msgpack.unpackb(frame), strict=True))
+    packed: bytes = msgpack.packb(list({**parts, **instead}.values()))
+    return packed
+
+
+class _Turned:
+    """The drone's link, with the attack in it."""
+
+    def __init__(
+        self, link: AgentLink, login: Login, attack: Attack, open_: Callable[[], AgentLink], seed: int
+    ) -> None:
+        self._link, self._login, self._attack, self._open = link, login, attack, open_
+        self._random, self._memory, self._agents = Random(seed), dict[str, Any](), keys.MAX_AGENTS
+        self._asked = Tick(-1, 0, -1, (b"", b"", b""), b"", [])
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        data = self._link.receive(timeout_s)
+        if data is not None:
+            with suppress(messages.MessageError):
+                message = messages.unpack_from_world(data)
+                if isinstance(message, messages.Welcome):
+                    self._agents = len(message.initial_slots)
+                elif isinstance(message, Tick):
+                    self._asked = message
+        return data
+
+    def send(self, payload: bytes) -> None:
+        message = messages.unpack_from_drone(payload, self._agents)
+        if not isinstance(message, Reply):
+            self._link.send(payload)
+            return
+        swarm, me = self._login.swarm, self._login.agent
+        say, memory = self._link.send, self._memory
+        self._attack(
+            Turn(swarm, me, self._agents, self._asked, message, say, self._open, self._random, memory)
+        )
+
+
+class Insider:
+    """The process of the drone that has turned, to be started in place of an honest one (rsc_swarm.flight.launch.launch)."""
+
+    def __init__(self, attack: Attack, seed: int) -> None:
+        self._attack, self._seed = attack, seed
+
+    def __call__(self, agent: int, endpoint: str, login: Login, policy: str) -> None:
+        """Take part as this drone until the flight is over."""
+        gc.set_threshold(100_000)
+        leave = leave_on_sigterm()
+        with AgentLink(endpoint, login) as link:
+            turned = _Turned(link, login, self._attack, lambda: AgentLink(endpoint, login), self._seed)
+            fly(turned, agent, policy, lambda: leave.asked, LEAVES_S)

@@ -1,0 +1,36 @@
+"""How a flight went for all drones but one: the referee looks at the recorded paths again, without that one."""
+
+import numpy as np
+
+from protocols.dynamics import target_x
+from protocols.mission.document import Mission
+from world import plant, referee
+from world.outcome import Judgement, Outcome
+from world.outlets.trajectory import Trajectory
+
+
+def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
+    """What came of the flight of the others: whatever ``outsider`` did, and one slot of any kind may be empty."""
+    agents, discs = mission.agents, flown.obstacles
+    formation, ground = (
+        mission.plan,
+        plant.Ground(np.array([flown.goal_x]), np.array([len(discs)]), discs[None]),
+    )
+    standard = referee.Standard(
+        formation.offsets, formation.parent, np.ones(agents, np.bool_), formation.spacing, mission.edge_tolerance,
+        mission.limits.collision_m,
+    )  # fmt: skip
+    found = referee.Findings(
+        np.zeros((1, agents)), np.zeros((1, agents)), np.zeros((1, referee.VERDICT_SIZE))
+    )
+    judgement, nothing, active = Judgement(mission), np.zeros((1, agents, 2)), np.ones(1, np.bool_)
+    flying = flown.flying & (np.arange(agents) != outsider)
+    end, tick = None, 0
+    while end is None and tick + 1 < len(flown.positions):
+        tick += 1
+        position, claim = flown.positions[tick][None].copy(), flown.slots[tick][None].copy()
+        bodies = plant.Bodies(flying[tick][None], position, nothing, nothing, np.ones((1, agents)))
+        target = np.array([target_x(tick, mission.target.speed_mps)])
+        referee.judge(active, bodies, claim, ground, target, standard, found)
+        end = judgement.settle(tick, found.verdict[0], found.verdict[0].tolist(), position[0])
+    return judgement.outcome(tick, "interrupted" if end is None else end, flying[tick])
