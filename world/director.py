@@ -53,9 +53,9 @@ class Director:
         self.invariants = [Invariants(slots, cooldown_s) for slots in core.initial_slots]
         self.statuses: dict[int, AgentStatus] = {}
         self.clock = 0
-        self._sizes = np.zeros(
-            MAX_FRAME_BYTES + 2, np.int64
-        )  # frames of each size; 0 counts those who sent nothing
+        # Frames of each size, per world; 0 counts those who sent nothing.
+        self._sizes = np.zeros((core.shape[0], MAX_FRAME_BYTES + 2), np.int64)
+        self._world_of = np.repeat(np.arange(core.shape[0]), core.shape[1])
 
     def tick(self) -> list[int]:
         """Fly one tick in every active world; return the worlds whose flight has just ended."""
@@ -71,8 +71,8 @@ class Director:
         if answers is None:
             return self.leave()
         self._watch(answers)
-        sizes = np.minimum(answers.sent_bytes, len(self._sizes) - 1)
-        self._sizes += np.bincount(sizes, minlength=len(self._sizes))
+        sizes = np.minimum(answers.sent_bytes, self._sizes.shape[1] - 1)
+        np.add.at(self._sizes, (self._world_of, sizes), 1)
         ended = core.advance(answers)
         self.clock += 1
         return self._close(ended + self._end())
@@ -137,20 +137,23 @@ class Director:
         first_tick_at: float,
         deadline_misses: int = 0,
         message_bytes: tuple[float, float] = (0.0, 0.0),
+        world: int = 0,
     ) -> Flown:
-        """What came of the flight in world 0. When it is over the drones are asked for their last accounts."""
-        outcome = self._outcome(0)
-        if not self.core.active[0]:
-            self.statuses.update(self._swarm.farewell())
+        """What came of the flight in this world. When it is over its drones are asked for their last accounts."""
+        outcome = self._outcome(world)
+        agents = self.core.shape[1]
+        rows = range(world * agents, (world + 1) * agents)
+        if not self.core.active[world]:
+            self.statuses.update((row, status) for row, status in self._swarm.farewell() if row in rows)
         return Flown(
             outcome=outcome,
-            tally=dict(zip(TALLY, self.core.tally[0].tolist(), strict=True)),
-            statuses={row: self.statuses[row] for row in sorted(self.statuses) if row < self.core.shape[1]},
-            watched=self.invariants[0].result(),
+            tally=dict(zip(TALLY, self.core.tally[world].tolist(), strict=True)),
+            statuses={row - rows.start: self.statuses[row] for row in rows if row in self.statuses},
+            watched=self.invariants[world].result(),
             wall_s=wall_s,
             real_time_factor=outcome.ticks * TICK_S / max(wall_s, 1e-9),
             deadline_misses=deadline_misses,
-            median_frame_bytes=_median(self._sizes),
+            median_frame_bytes=_median(self._sizes[world]),
             message_bytes=message_bytes,
             first_tick_at=first_tick_at,
         )

@@ -29,6 +29,8 @@ def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
 class Analytic:
     """Steers to the slot around obstacles and neighbours, without learning and without planning ahead."""
 
+    many_flights = True
+
     def __init__(self, mission: Mission) -> None:
         self._wanted = np.zeros((0, 2))
 

@@ -13,6 +13,8 @@ from protocols.mission.document import Mission
 class Cruise:
     """A spring of 1 / s^2 to the slot target, damped by 2 / s on the velocity relative to the target."""
 
+    many_flights = True
+
     def __init__(self, mission: Mission) -> None:
         self._limit = mission.limits.acceleration_mps2
 

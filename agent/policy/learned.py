@@ -32,6 +32,8 @@ _ROWS = 32  # asked in one call; more would no longer fit the processor's caches
 class Learned:
     """Flies what the model plans. A row's plan depends on nothing but that row, however many are hosted together."""
 
+    many_flights = True
+
     def __init__(self, mission: Mission, path: Path) -> None:
         """Read and check the model file; nothing is opened yet.
 

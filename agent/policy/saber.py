@@ -38,6 +38,8 @@ def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> No
 class Saber:
     """Flocks at the formation's spacing with all neighbours in sight, and is drawn to its slot as ``analytic`` is."""
 
+    many_flights = True
+
     def __init__(self, mission: Mission) -> None:
         self._gains = flocking_for(mission)
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agent.core import AgentCore, Inputs
+from agent.policy import find_policy
 from agent.radio.air import Air
 from protocols.mission.document import Mission
 from protocols.wire.frames import REASONS
@@ -19,12 +20,18 @@ from world.faults import Event
 from world.invariants import Invariants
 from world.outcome import Outcome
 
+ROWS = 150  # drones in step: more would be no faster, and flights would end in larger bunches
+
 
 class Simulation:
     """E worlds of N drones, all in step: the swarm of `world.director.Director` whose drones are rows of one AgentCore."""
 
-    def __init__(self, missions: Sequence[Mission], rehearsal: bool = False) -> None:
+    def __init__(self, missions: Sequence[Mission], rehearsal: bool = False, telling: bool = False) -> None:
         """Make the worlds and the drones; for a ``rehearsal``, in a process that will fork, they open nothing.
+
+        Args:
+            telling: every drone gives an account of itself now and then, for a whole report of each flight. In several worlds
+                they else tell only what the invariants must know.
 
         Raises:
             world.field.FieldError, agent.policy.PolicyError: as WorldCore and AgentCore.
@@ -32,7 +39,7 @@ class Simulation:
         self.mission = missions[0]
         self.world = WorldCore(missions)
         worlds, agents = self.world.shape
-        self._rows, self._alone = worlds * agents, worlds == 1
+        self._rows, self._telling = worlds * agents, telling or worlds == 1
         self._air = Air(self.mission.swarm, agents, self.world.ring * self._rows)
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
@@ -73,9 +80,7 @@ class Simulation:
         awake = world.rows_awake
         said = self.agents.tick(Inputs(tick, awake, world.sensed, self._air, start, heard, first))
         telling = said.changed
-        if self._alone and is_due(
-            tick, changed=False
-        ):  # in a batch they tell only what the invariants must know
+        if self._telling and is_due(tick, changed=False):
             telling = tuple(np.flatnonzero(awake).tolist())
         accounts = [(row, self.status(row, tick)) for row in telling]
         return Answers(said.command, self._air.sizes(first, said.sent), said.slot, accounts)
@@ -89,6 +94,19 @@ class Simulation:
     def status(self, row: int, tick: int) -> AgentStatus:
         """The account of the drone in row world * N + agent; nothing is rejected where nothing is unpacked."""
         return self.agents.status(row, tick, (0,) * len(REASONS))
+
+
+def flights_at_once(mission: Mission) -> int:
+    """How many flights of a mission, which differ in seeds and obstacles, one `Simulation` flies best.
+
+    One alone if the policy does not say that it takes the rows of several (agent.policy.Policy): it may remember by drone, or
+    look at the seed of its mission.
+
+    Raises:
+        agent.policy.PolicyError: the mission's policy cannot be found or made.
+    """
+    together = getattr(find_policy(mission.policy, mission), "many_flights", False)
+    return max(1, ROWS // mission.agents) if together else 1
 
 
 def warm_up(mission: Mission) -> None:

@@ -19,7 +19,7 @@ from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
-from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.machine.leaving import nobody_asks
 from world.field import FieldError, draw_obstacles, draw_start
 from world.invariants import Watched
@@ -27,8 +27,6 @@ from world.outcome import Outcome
 
 Seeds = tuple[int, int]  # map seed, start seed
 _TELL_EVERY = 50  # ticks
-# Drones flown in step by one worker: more would be no faster, and flights would end in larger bunches.
-_ROWS = 150
 _LISTEN_S = 0.05
 _PR_SET_PDEATHSIG = 1
 
@@ -143,7 +141,8 @@ def fly_all(
         WorkerError: a worker died or broke. protocols.mission.document.MissionError: the expert cannot fly this.
         world.field.FieldError: one of the maps leaves no room to start. agent.policy.PolicyError: the policy raised.
     """
-    size = max(1, min(_ROWS // mission.agents, -(-len(seeds) // workers)))
+    most = max(1, ROWS // mission.agents) if mission.policy == EXPERT else flights_at_once(mission)
+    size = max(1, min(most, -(-len(seeds) // workers)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     if not batches:
         return

@@ -105,6 +105,26 @@ def test_a_flight_of_a_batch_is_the_flight_alone():
     assert sum(flight.swaps["committed"] for flight in batch.values()) > 0
 
 
+def test_a_policy_of_ones_own_flies_in_an_evaluation_as_it_does_alone(tmp_path):
+    """Be it that it remembers by drone, and looks at the seed."""
+    (tmp_path / "homing.py").write_text(
+        "import numpy as np\n"
+        "class Homing:\n"
+        "    def __init__(self, mission):\n"
+        "        self.gain = 1 + mission.seed % 7\n"
+        "        self.last = np.zeros((mission.agents, 2))\n"
+        "    def act(self, seen):\n"
+        "        wanted = self.gain * (seen.slot_error - self.last[seen.me])\n"
+        "        self.last[seen.me] = seen.velocity\n"
+        "        return wanted\n"
+    )
+    mission = SHORT.model_copy(update={"policy": f"{tmp_path}/homing.py:Homing"})
+    for flight in fly_all(mission, SEEDS[:3], 1):
+        if isinstance(flight, Flight):
+            alone = mission.model_copy(update={"map_seed": flight.map_seed, "seed": flight.seed})
+            assert flight.outcome == simulate([alone])[0]
+
+
 def test_workers_fly_every_seed_once_and_alike(tmp_path):
     one, two = evaluate(SHORT, SEEDS, workers=1), evaluate(SHORT, SEEDS, workers=2)
     assert [(flight.map_seed, flight.seed) for flight in one] == SEEDS
@@ -117,7 +137,7 @@ def test_any_executor_can_stand_in_for_the_processes():
 
 
 def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, monkeypatch):
-    monkeypatch.setattr(crew, "_ROWS", 4)  # one flight per batch
+    monkeypatch.setattr("rsc_swarm.flight.simulate.ROWS", 4)  # one flight per batch
     path = tmp_path / "journal.jsonl"
     stopped, resumed = Stopping(after=3), Stopping(after=-1)
     with pytest.raises(KeyboardInterrupt):
