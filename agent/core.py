@@ -25,7 +25,8 @@ from agent.policy.asking import absurd, ask, call
 from agent.radio.air import Air
 from agent.rules import rules_of, shape_of
 from agent.slot_endpoints import SlotEndpoints
-from agent.tick_arrays import Parts, empty_views, empty_work, make_tick_arrays
+from agent.tick_arrays import TickArrays, empty_views, empty_work
+from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
@@ -121,8 +122,8 @@ class AgentCore:
             for row in range(len(work.me)):
                 forget(memory, row, inputs.tick)  # whoever begins in mid-flight takes nobody for dead
         self._sensed, self._air = sensed, inputs.air
-        self._arrays = make_tick_arrays(
-            Parts(self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory)
+        self._arrays = by_reference(
+            TickArrays(self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory)
         )
         self._shown: dict[str, NDArray[Any] | Memory] = {
             "me": work.me, "awake": work.awake, "position": sensed.position, "velocity": sensed.velocity,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from agent.control.surroundings import Discs, Neighbours
 from protocols.kernels import inlined_kernel
 from protocols.relative import NEVER, UNKNOWN
-from protocols.wire.frames import MAX_KNOWN
+from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE
 from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES
 
 
@@ -16,7 +16,7 @@ class Memory(NamedTuple):
     """Shapes: A hosted drones, N drones of the swarm, K = MAX_NEAR, M = MAX_OBSTACLES.
 
     heard_*: (A, N, ...) what the last frame of each drone said. last_seen: (A, N) tick at which anybody, as far as is
-    known here, last heard each drone. hops, rel: multi-hop relative positions (protocols.relative).
+    known here, last heard each drone. hops, rel, freshest: multi-hop relative positions (protocols.relative).
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
     and the side on which each is being passed. stalled: (A,) ticks for which the drone has not come nearer to its slot.
     way: (A, 3) next corner of its detour [m] and how many are left (agent.control.detour).
@@ -33,6 +33,7 @@ class Memory(NamedTuple):
     last_seen: NDArray[np.int64]
     hops: NDArray[np.int64]
     rel: NDArray[np.float64]
+    freshest: NDArray[np.int64]
     near_count: NDArray[np.int64]
     near_id: NDArray[np.int64]
     near_rel: NDArray[np.float64]
@@ -65,7 +66,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
     return Memory(
         heard_tick=np.full((rows, agents), NEVER),
         heard_motion=np.zeros((rows, agents, 4), np.float32),
-        heard_observation=np.zeros((rows, agents, 18), np.int16),
+        heard_observation=np.zeros((rows, agents, OBSERVATION_SIZE), np.int16),
         heard_one_hop=np.zeros((rows, agents), np.int64),
         heard_count=np.zeros((rows, agents), np.int64),
         heard_known=np.zeros((rows, agents, MAX_KNOWN), np.uint8),
@@ -73,6 +74,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
         last_seen=np.zeros((rows, agents), np.int64),
         hops=np.full((rows, agents), UNKNOWN),
         rel=np.zeros((rows, agents, 2)),
+        freshest=np.zeros((rows, agents), np.int64),
         near_count=np.zeros(rows, np.int64),
         near_id=np.zeros((rows, MAX_NEAR), np.int64),
         near_rel=np.zeros((rows, MAX_NEAR, 2)),

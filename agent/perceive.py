@@ -162,7 +162,9 @@ def perceive_row(
         memory.heard_tick[row], memory.heard_one_hop[row], memory.heard_count[row], memory.heard_known[row],
         memory.heard_displacement[row],
     )  # fmt: skip
-    chain_displacements(me, tick, rules.radio, near, heard, memory.hops[row], memory.rel[row])
+    chain_displacements(
+        me, tick, rules.radio, near, heard, memory.hops[row], memory.rel[row], memory.freshest[row]
+    )
 
 
 @inlined_kernel

@@ -12,7 +12,7 @@ from agent.memory import Memory, discs_of, neighbours_of
 from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
 from agent.target import place_target
-from agent.tick_arrays import Rules, TickArrays, Views, Work, parts_of
+from agent.tick_arrays import Rules, TickArrays, Views, Work
 from protocols.dynamics import ABSURD_MPS2, vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.slots import trigger
@@ -49,7 +49,8 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
     Returns:
         Whether any row's slot protocol has something to attend to (``arrays.work.news``).
     """
-    rules, shape, views, work, sensed, frames, memory = parts_of(arrays)
+    rules, shape, views, work = arrays.rules, arrays.shape, arrays.views, arrays.work
+    sensed, frames, memory = arrays.sensed, arrays.frames, arrays.memory
     found = False
     for row in range(work.me.shape[0]):
         work.news[row] = False
@@ -72,7 +73,8 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
 @kernel
 def aim_again(arrays: TickArrays) -> None:
     """Targets and observations after a view of the slots has changed."""
-    rules, shape, views, work, sensed, _, memory = parts_of(arrays)
+    rules, shape, views, work = arrays.rules, arrays.shape, arrays.views, arrays.work
+    sensed, memory = arrays.sensed, arrays.memory
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             _aim_and_observe(row, rules, shape, views, work, sensed, memory)
@@ -87,7 +89,8 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
     Returns:
         The first row of which the policy wants what is no number, or an absurd one; then nothing is done from there on. Else -1.
     """
-    rules, _, views, work, sensed, frames, memory = parts_of(arrays)
+    rules, views, work = arrays.rules, arrays.views, arrays.work
+    sensed, frames, memory = arrays.sensed, arrays.frames, arrays.memory
     for row in range(work.me.shape[0]):
         work.sent[row] = work.awake[row] and (tick + work.me[row]) % rules.frame_every == 0
         if not work.awake[row]:

@@ -1,8 +1,4 @@
-"""Everything the compiled parts of a drone's tick work on, handed to them as one object.
-
-Handing a kernel a hundred arrays one by one costs more than the kernel; a `TickArrays` is laid out once and then passed as a
-single pointer. In Python the same arrays are reached through the named tuples it was made of.
-"""
+"""Everything the compiled parts of a drone's tick work on, handed to them as one object: `TickArrays`."""
 
 from typing import NamedTuple
 
@@ -11,7 +7,6 @@ from numpy.typing import NDArray
 
 from agent.control.gains import Gains, SafetyLimits
 from agent.memory import Memory
-from protocols.kernels import borrowed, by_reference, inlined_kernel, kernel
 from protocols.relative import RadioRules
 from protocols.slots import trigger
 from protocols.slots.trigger import Shape, SwapRules
@@ -74,8 +69,8 @@ class Work(NamedTuple):
     sent: NDArray[np.bool_]
 
 
-class Parts(NamedTuple):
-    """Everything together."""
+class TickArrays(NamedTuple):
+    """Everything together; kernels take it `protocols.kernels.by_reference`."""
 
     rules: Rules
     shape: Shape
@@ -84,50 +79,6 @@ class Parts(NamedTuple):
     sensed: Sensed
     frames: Frames
     memory: Memory
-
-
-@by_reference
-class TickArrays:
-    """The one object; made by `make_tick_arrays`, and taken apart in kernels by `parts_of`."""
-
-    rules: Rules
-    shape: Shape
-    views: Views
-    work: Work
-    sensed: Sensed
-    frames: Frames
-    memory: Memory
-
-
-@inlined_kernel
-def parts_of(arrays: TickArrays) -> Parts:
-    """What the one object holds."""
-    return Parts(
-        arrays.rules,
-        borrowed(arrays.shape),
-        borrowed(arrays.views),
-        borrowed(arrays.work),
-        borrowed(arrays.sensed),
-        borrowed(arrays.frames),
-        borrowed(arrays.memory),
-    )
-
-
-@kernel
-def make_tick_arrays(parts: Parts) -> TickArrays:
-    """Lay the arrays out once; kernels then share them with Python.
-
-    The arrays are borrowed: whoever made them must keep them for as long as what is returned is used.
-    """
-    return TickArrays(
-        parts.rules,
-        borrowed(parts.shape),
-        borrowed(parts.views),
-        borrowed(parts.work),
-        borrowed(parts.sensed),
-        borrowed(parts.frames),
-        borrowed(parts.memory),
-    )
 
 
 def empty_views(rows: int, agents: int) -> Views:

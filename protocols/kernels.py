@@ -5,29 +5,38 @@ slower, for a debugger, a print or a coverage report. It gives the same bits.
 """
 
 import ctypes
+import hashlib
 import mmap
 import os
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar, cast, dataclass_transform
+from typing import Any, TypeVar, cast
 
+import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.registry import CPUDispatcher
-from numba.experimental import structref
-from numba.extending import intrinsic
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import NativeValue, infer_getattr, lower_getattr_generic, models, register_model, unbox
+from numba.np.arrayobj import populate_array
+from numpy.typing import NDArray
 
 from protocols.kept import Kept, is_ours
 
 _COMPILER = "libllvmlite"
 
-_KERNEL = {"nopython": True, "boundscheck": None, "error_model": "numpy", "no_cfunc_wrapper": True}
+# Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
+_KERNEL = {
+    "nopython": True,
+    "boundscheck": None,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+}
 _PART = {**_KERNEL, "forceinline": True, "no_cpython_wrapper": True}
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -47,15 +56,32 @@ def is_kept(rule: Callable[..., Any]) -> bool:
     return folder is not None and folder.exists()
 
 
+class _Rule(CPUDispatcher):
+    """Compiled once for all numbers: numba would do it again for a call with a constant."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template([types.unliteral(kind) for kind in args], plain)
+
+
 def kernel(function: F) -> F:
     """Compile ``function`` to machine code on first call; later processes load it from disk.
 
     Strict IEEE arithmetic (no fast-math): the same inputs give the same bits in every process of a machine, which
-    is what lets a flight in 25 processes have the digest of its in-process twin.
+    is what lets a flight in 25 processes have the digest of its in-process twin. It neither makes arrays nor returns any.
     """
+    return _compiled(function, _KERNEL)
+
+
+def allocating_kernel(function: F) -> F:
+    """A kernel that makes arrays for its own use; the parts it calls must not return any."""
+    return _compiled(function, {**_KERNEL, "_nrt": True})
+
+
+def _compiled(function: F, settings: dict[str, Any]) -> F:
     if not COMPILED:
         return function
-    compiled: Any = CPUDispatcher(function, {}, _KERNEL)
+    compiled: Any = _Rule(function, {}, settings)
     if is_ours(function):
         compiled._cache = Kept(function)
     return cast(F, compiled)
@@ -89,7 +115,7 @@ class _PartCompiler(CompilerBase):
         return made
 
 
-class _Part(CPUDispatcher):
+class _Part(_Rule):
     """A part of kernels; Python calls it as a kernel of its own."""
 
     @cached_property
@@ -104,30 +130,120 @@ class _Part(CPUDispatcher):
 
 
 def inlined_kernel(function: F) -> F:
-    """As `kernel`, for a part of a larger kernel: compiled into each caller.
-
-    Handing arrays to a kernel that is not inlined counts references to each of them, which for a small rule costs more
-    than the rule. Not for kernels that allocate.
-    """
+    """As `kernel`, for a part of a larger kernel: compiled into each caller."""
     if not COMPILED:
         return function
     return cast(F, _Part(function, {}, _PART, _PartCompiler))
 
 
-@dataclass_transform()
-def by_reference(fields: type[T]) -> type[T]:
-    """A class of named fields that kernels take as one pointer: handing them a hundred arrays one by one costs more than they do.
+@dataclass
+class _Page:
+    """A named tuple, and the 64-bit words that tell kernels what is in it; ``place`` is where they lie."""
 
-    Made by a kernel; only kernels read its fields.
+    group: Any
+    words: NDArray[np.uint64]
+
+    def __post_init__(self) -> None:
+        self.place = self.words.ctypes.data
+        self._numba_type_ = _Reference(numba.typeof(self.group))
+
+
+def by_reference(group: T) -> T:
+    """For kernels: a named tuple of arrays, numbers and such tuples, as one pointer whose fields are read where they are used.
+
+    Handing over a hundred arrays one by one costs more than most kernels do, and takes long to compile. Only kernels can read the
+    fields of what is returned, which keeps the arrays alive.
     """
-    if not COMPILED:
-        return dataclass(fields)
-    name, module = fields.__name__, fields.__module__
-    kind = structref.register(type(f"{name}Type", (types.StructRef,), {"__module__": module}))
-    setattr(sys.modules[module], kind.__name__, kind)  # what is kept on disk refers to it
-    made = type(name, (structref.StructRefProxy,), {"__module__": module, "__doc__": fields.__doc__})
-    structref.define_proxy(made, kind, list(fields.__annotations__))
-    return made
+    return cast(T, _Page(group, np.array([*_words(group)], np.uint64))) if COMPILED else group
+
+
+def _words(value: Any) -> Iterator[int]:
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _words(part)
+    elif isinstance(value, np.ndarray):
+        yield from (value.ctypes.data, *value.shape, *value.strides)
+    elif isinstance(value, float):
+        yield int(np.float64(value).view(np.uint64))
+    else:
+        yield int(value) % 2**64
+
+
+class _Reference(types.Type):
+    """The compiler's type of a `by_reference` group of type ``group``."""
+
+    def __init__(self, group: Any) -> None:
+        self.group = group
+        digest = hashlib.blake2b(
+            str(group).encode(), digest_size=8
+        ).hexdigest()  # the whole name has thousands of letters
+        super().__init__(f"reference({group.instance_class.__name__} {digest})")
+
+
+if COMPILED:
+
+    @register_model(_Reference)
+    class _ReferenceModel(models.OpaqueModel):
+        """A pointer."""
+
+    @unbox(_Reference)  # type: ignore[untyped-decorator]
+    def _unbox(kind: _Reference, page: Any, context: Any) -> NativeValue:
+        place = context.pyapi.object_getattr_string(page, "place")
+        pointer = context.pyapi.long_as_voidptr(place)
+        context.pyapi.decref(place)
+        return NativeValue(pointer)
+
+    @infer_getattr
+    class _Fields(AttributeTemplate):
+        key = _Reference
+
+        def generic_resolve(self, kind: _Reference, name: str) -> Any:  # type: ignore[override]
+            parts = dict(zip(kind.group.fields, kind.group.types, strict=True))
+            part = parts.get(name)
+            return _Reference(part) if isinstance(part, types.BaseNamedTuple) else part
+
+    @lower_getattr_generic(_Reference)  # type: ignore[untyped-decorator]
+    def _read(context: Any, builder: Any, kind: _Reference, pointer: Any, name: str) -> Any:
+        index = kind.group.fields.index(name)
+        part, first = kind.group.types[index], sum(map(_size, kind.group.types[:index]))
+        word = context.get_value_type(types.uint64)
+        words = builder.bitcast(pointer, word.as_pointer())
+
+        def read(place: int) -> Any:
+            found = builder.load(builder.gep(words, [context.get_constant(types.intp, first + place)]))
+            found.set_metadata(
+                "invariant.load", builder.module.add_metadata([])
+            )  # so that it need be read but once
+            return found
+
+        if isinstance(part, types.Array):
+            array = context.make_array(part)(context, builder)
+            populate_array(
+                array,
+                data=builder.inttoptr(read(0), array.data.type),
+                shape=[read(1 + axis) for axis in range(part.ndim)],
+                strides=[read(1 + part.ndim + axis) for axis in range(part.ndim)],
+                itemsize=context.get_constant(
+                    types.intp, context.get_abi_sizeof(context.get_data_type(part.dtype))
+                ),
+                meminfo=None,
+            )
+            return array._getvalue()
+        if isinstance(part, types.BaseNamedTuple):
+            return builder.gep(pointer, [context.get_constant(types.intp, 8 * first)])
+        if isinstance(part, types.Boolean):
+            return builder.icmp_unsigned("!=", read(0), word(0))
+        if part == types.float64:
+            return builder.bitcast(read(0), context.get_value_type(part))
+        assert part in (types.int64, types.uint64), f"{name}: {part}"
+        return read(0)
+
+
+def _size(part: Any) -> int:
+    """How many words a part of this type takes."""
+    if isinstance(part, types.BaseTuple):
+        return sum(map(_size, cast(Any, part).types))
+    return 1 + 2 * part.ndim if isinstance(part, types.Array) else 1
 
 
 def release_compiler() -> None:
@@ -143,36 +259,3 @@ def release_compiler() -> None:
             ctypes.CDLL(None).madvise(
                 ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), mmap.MADV_DONTNEED
             )
-
-
-def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """``value`` of the compiler's type ``kind``, with the references of the arrays in it left uncounted."""
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        array.meminfo = cgutils.get_null_value(array.meminfo.type)
-        array.parent = cgutils.get_null_value(array.parent.type)
-        return array._getvalue()
-    if isinstance(kind, types.BaseTuple):
-        parts: Any = enumerate(cast(Any, kind).types)
-        members = [_lent(context, builder, part, builder.extract_value(value, at)) for at, part in parts]
-        return context.make_tuple(builder, kind, members)
-    return value
-
-
-def borrowed(group: T) -> T:
-    """For use in kernels: a named tuple of arrays, numbers and such tuples, the same ones, whose references nobody counts.
-
-    Counting them at every use costs more than most rules do. The caller keeps the arrays alive.
-    """
-    return group
-
-
-if COMPILED:
-
-    def _borrow(typing: Any, group: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return _lent(context, builder, group, arguments[0])
-
-        return group(group), generate
-
-    borrowed = intrinsic(_borrow)  # type: ignore[assignment]

@@ -63,15 +63,21 @@ def chain_displacements(
     heard: Heard,
     hops: NDArray[np.int64],
     rel: NDArray[np.float64],
+    freshest: NDArray[np.int64],
 ) -> None:
-    """Hops to every drone, (N,), and its position relative to me, (N, 2) [m], valid where hops < UNKNOWN; both are written."""
-    hops[:] = UNKNOWN
+    """Hops to every drone, (N,), and its position relative to me, (N, 2) [m], valid where hops < UNKNOWN; both are written.
+
+    freshest: (N,) room to work in.
+    """
+    for other in range(hops.shape[0]):
+        hops[other] = UNKNOWN
     hops[me], rel[me, 0], rel[me, 1] = 0, 0.0, 0.0
     for index in range(near.size):
         other = near.number[index]
         hops[other], rel[other, 0], rel[other, 1] = 1, near.rel[index, 0], near.rel[index, 1]
     for distance in range(2, rules.max_hops + 1):
-        freshest = np.full(hops.shape[0], NEVER)
+        for other in range(hops.shape[0]):
+            freshest[other] = NEVER
         for index in range(near.size):
             via = near.number[index]
             if tick - heard.tick[via] > rules.memory_ticks:

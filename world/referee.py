@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.kernels import inlined_kernel, kernel
+from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
 from world.plant import Bodies, Ground
 
@@ -129,7 +129,7 @@ def judge_world(
     )
 
 
-@kernel
+@allocating_kernel
 def judge(
     active: NDArray[np.bool_], bodies: Bodies, claim: NDArray[np.int16], ground: Ground, target: NDArray[np.float64],
     standard: Standard, findings: Findings,

@@ -15,7 +15,7 @@ from agent.control.agents import agent_terms
 from agent.memory import Memory, neighbours_of
 from agent.tick_arrays import Rules, Work
 from protocols.dynamics import Vector, vector
-from protocols.kernels import inlined_kernel, kernel
+from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.wire.sensed import Sensed
 
 STALLED_TICKS = 30  #: after which a drone counts as stopped
@@ -68,7 +68,7 @@ def _is_free(
     return True
 
 
-@kernel
+@allocating_kernel
 def next_corner(
     goal_x: float, goal_y: float, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64], margin: float
 ) -> tuple[int, float, float]:

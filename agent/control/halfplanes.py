@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.kernels import kernel
+from protocols.kernels import allocating_kernel, kernel
 
 _PARALLEL = 1e-9  #: sine of the angle below which two edges count as parallel
 _SLACK = 1e-9  #: violation that counts as none
@@ -88,7 +88,7 @@ def nearest_point(
     return count, x, y
 
 
-@kernel
+@allocating_kernel
 def least_violation(
     begin: int,
     count: int,

@@ -20,7 +20,7 @@ from agent.control.gains import SafetyLimits
 from agent.control.halfplanes import least_violation, nearest_point
 from agent.control.surroundings import Discs, Neighbours
 from protocols.dynamics import Vector
-from protocols.kernels import kernel
+from protocols.kernels import allocating_kernel, kernel
 
 
 @kernel
@@ -81,7 +81,7 @@ def _agent_row(
     return n_x, n_y, bound
 
 
-@kernel
+@allocating_kernel
 def safety_filter(
     wanted: Vector, velocity: Vector, near: Neighbours, discs: Discs, limits: SafetyLimits
 ) -> Vector:

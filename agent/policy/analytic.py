@@ -7,22 +7,21 @@ from agent.memory import discs_of, neighbours_of
 from agent.observation import aim_of
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Seen
-from agent.tick_arrays import TickArrays, parts_of
+from agent.tick_arrays import TickArrays
 from protocols.kernels import kernel
 from protocols.mission.document import Mission
 
 
 @kernel
 def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
-    parts = parts_of(arrays)
-    memory = parts.memory
-    for row in range(parts.work.me.shape[0]):
-        if parts.work.awake[row]:
+    memory = arrays.memory
+    for row in range(arrays.work.me.shape[0]):
+        if arrays.work.awake[row]:
             wanted[row, 0], wanted[row, 1] = analytic(
-                aim_of(row, parts.work, parts.sensed),
+                aim_of(row, arrays.work, arrays.sensed),
                 neighbours_of(memory, row),
                 discs_of(memory, row),
-                parts.rules.gains,
+                arrays.rules.gains,
             )
 
 

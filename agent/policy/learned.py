@@ -13,15 +13,16 @@ from agent.control.follow import following_of
 from agent.policy import session
 from agent.policy.base import PolicyError, Seen
 from agent.policy.learned_kernel import (
+    Planner,
     ask_or_fly,
     empty_history,
     empty_plans,
     empty_question,
     fly_plans,
-    make_planner,
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, note_of, read_model
+from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
 
@@ -67,8 +68,8 @@ class Learned:
         self._question = empty_question(rows, facts.past, facts.neighbours)
         self._plans = empty_plans(rows, facts.horizon)
         self._wanted = np.zeros((rows, 2))
-        self._planner = make_planner(
-            self._replan, self._following, self._history, self._question, self._plans, self._wanted
+        self._planner = by_reference(
+            Planner(self._replan, self._following, self._history, self._question, self._plans, self._wanted)
         )
 
     def open(self) -> None:

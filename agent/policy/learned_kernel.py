@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from agent.control.follow import Following, Plan, follow_row
 from agent.memory import Memory, discs_of, neighbours_of
 from agent.observation import WIDE_SIZE, aim_of, compressed, observe_wide_row
-from agent.tick_arrays import Rules, TickArrays, Work, parts_of
+from agent.tick_arrays import Rules, TickArrays, Work
 from protocols.dynamics import vector
-from protocols.kernels import borrowed, by_reference, inlined_kernel, kernel
+from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
 from protocols.wire.sensed import Sensed
@@ -80,9 +80,8 @@ def empty_plans(rows: int, horizon: int) -> Plans:
     )
 
 
-@by_reference
-class Planner:
-    """All that the kernels here work on, laid out once, as `agent.tick_arrays.TickArrays` is. Its fields are for kernels only.
+class Planner(NamedTuple):
+    """All that the kernels here work on; they take it `protocols.kernels.by_reference`.
 
     replan: ticks between plans. wanted: (A, 2) m/s^2, what flying the plans takes now.
     """
@@ -93,19 +92,6 @@ class Planner:
     question: Question
     plans: Plans
     wanted: NDArray[np.float64]
-
-
-@kernel
-def make_planner(
-    replan: int,
-    following: Following,
-    history: History,
-    question: Question,
-    plans: Plans,
-    wanted: NDArray[np.float64],
-) -> Planner:
-    """Lay the arrays out once; whoever made them must keep them for as long as the planner is used."""
-    return Planner(replan, following, borrowed(history), borrowed(question), borrowed(plans), wanted)
 
 
 @inlined_kernel
@@ -170,7 +156,7 @@ def _ask_row(
 
 @inlined_kernel
 def _fly(tick: int, work: Work, sensed: Sensed, memory: Memory, planner: Planner) -> None:
-    flown, wanted = borrowed(planner.plans), planner.wanted
+    flown, wanted = planner.plans, planner.wanted
     for row in range(work.me.shape[0]):
         if work.awake[row]:
             plan = Plan(flown.start[row], flown.displacement[row], flown.acceleration[row])
@@ -191,9 +177,9 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
     Returns:
         How many rows are due.
     """
-    rules, _, _, work, sensed, _, memory = parts_of(arrays)
+    rules, work, sensed, memory = arrays.rules, arrays.work, arrays.sensed, arrays.memory
     replan = planner.replan
-    seen, asked, made_at = borrowed(planner.history), borrowed(planner.question), planner.plans.made_at
+    seen, asked, made_at = planner.history, planner.question, planner.plans.made_at
     past, horizon = seen.own.shape[1], planner.plans.displacement.shape[1]
     due = 0
     for row in range(work.me.shape[0]):
@@ -221,7 +207,7 @@ def take_plans(
     acceleration: NDArray[np.float32],
 ) -> None:
     """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    sensed, plans, asked = borrowed(arrays.sensed), borrowed(planner.plans), planner.question.row
+    sensed, plans, asked = arrays.sensed, planner.plans, planner.question.row
     for place in range(displacement.shape[0]):
         row = asked[first + place]
         plans.made_at[row] = tick
@@ -237,5 +223,4 @@ def take_plans(
 @kernel
 def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
     """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
-    _, _, _, work, sensed, _, memory = parts_of(arrays)
-    _fly(tick, work, sensed, memory, planner)
+    _fly(tick, arrays.work, arrays.sensed, arrays.memory, planner)

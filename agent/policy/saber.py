@@ -12,7 +12,7 @@ from agent.control.flocking import Flocking, flocking, flocking_for
 from agent.memory import discs_of, neighbours_of
 from agent.observation import aim_of
 from agent.policy.base import Seen
-from agent.tick_arrays import TickArrays, parts_of
+from agent.tick_arrays import TickArrays
 from protocols.dynamics import vector
 from protocols.kernels import kernel
 from protocols.mission.document import Mission
@@ -20,18 +20,17 @@ from protocols.mission.document import Mission
 
 @kernel
 def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> None:
-    parts = parts_of(arrays)
-    work, memory = parts.work, parts.memory
+    work, memory = arrays.work, arrays.memory
     for row in range(work.me.shape[0]):
         if not work.awake[row]:
             continue
-        aim = aim_of(row, parts.work, parts.sensed)
-        (x, y), (target_x, target_y) = vector(parts.sensed.position, row), vector(work.target_position, row)
+        aim = aim_of(row, arrays.work, arrays.sensed)
+        (x, y), (target_x, target_y) = vector(arrays.sensed.position, row), vector(work.target_position, row)
         flock_x, flock_y = flocking(
             neighbours_of(memory, row), discs_of(memory, row), aim.velocity, (target_x - x, target_y - y),
             aim.target_velocity, gains,
         )  # fmt: skip
-        form_x, form_y = attraction(aim, parts.rules.gains)
+        form_x, form_y = attraction(aim, arrays.rules.gains)
         wanted[row, 0], wanted[row, 1] = flock_x + form_x, flock_y + form_y
 
 

@@ -1,18 +1,19 @@
 """What a drone's process hears: bytes become rows of frames, and what must not be believed is counted by its reason."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.radio.air import Air
-from protocols.kernels import borrowed, by_reference, kernel
+from protocols.kernels import by_reference, kernel
 from protocols.wire import messages
 from protocols.wire.frames import REASONS, FrameError, Frames, fault
 
 _OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
 
 
-@by_reference
-class _Ears:
+class _Ears(NamedTuple):
     """What `_sift` works on: frames heard, the rows of those that are believed (MAX_HEARD,), how many are not, per `REASONS`."""
 
     frames: Frames
@@ -21,14 +22,9 @@ class _Ears:
 
 
 @kernel
-def _make_ears(frames: Frames, believed: NDArray[np.int64], rejected: NDArray[np.int64]) -> _Ears:
-    return _Ears(borrowed(frames), believed, rejected)
-
-
-@kernel
 def _sift(tick: int, heard: int, agents: int, ears: _Ears) -> int:
     """Put those of the first ``heard`` rows that may be believed into ``believed``, count the others; how many are believed."""
-    frames, believed, rejected = borrowed(ears.frames), ears.believed, ears.rejected
+    frames, believed, rejected = ears.frames, ears.believed, ears.rejected
     good = 0
     for row in range(heard):
         reason = fault(frames, row, tick, _OLDEST_FRAME, agents)
@@ -47,7 +43,7 @@ class Hearing:
         self._air, self._me, self._agents = air, me, agents
         self._believed = np.zeros(messages.MAX_HEARD, np.int64)
         self._rejected = np.zeros(len(REASONS), np.int64)
-        self._ears = _make_ears(air.frames, self._believed, self._rejected)
+        self._ears = by_reference(_Ears(air.frames, self._believed, self._rejected))
 
     @property
     def rejected(self) -> dict[str, int]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import Vector
-from protocols.kernels import inlined_kernel, kernel
+from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
 from protocols.relative import UNKNOWN, RadioRules
 
@@ -86,7 +86,7 @@ def contact_gain(rx: float, ry: float, dx: float, dy: float, margin: float) -> f
     return 0.0
 
 
-@kernel
+@allocating_kernel
 def affected_connected(
     slot_a: int,
     slot_b: int,

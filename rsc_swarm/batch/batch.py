@@ -13,8 +13,9 @@ from agent.control.follow import following_of
 from agent.memory import empty_memory
 from agent.observation import WIDE_SIZE
 from agent.rules import rules_of, shape_of
-from agent.tick_arrays import Parts, empty_views, empty_work, make_tick_arrays
+from agent.tick_arrays import TickArrays, empty_views, empty_work
 from protocols.dynamics import TICK_S
+from protocols.kernels import by_reference
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.frames import OBSERVATION_SIZE, empty_frames
 from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
@@ -96,23 +97,28 @@ class Batch:
             displacement=np.zeros((*both, 1, 2), np.float32),
             acceleration=np.zeros((*both, 1, 2), np.float32),
         )
-        self._field = kernels.Field(
-            a_max=mission.limits.acceleration_mps2,
-            v_max=mission.limits.speed_mps,
-            spacing_m=mission.plan.spacing,
-            edge_tolerance=mission.edge_tolerance,
-            collision_m=mission.limits.collision_m,
-            last_tick=mission.ticks,
-            cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
-            following=following_of(mission),
+        self._laid_out = by_reference(self.stage)
+        self._field = by_reference(
+            kernels.Field(
+                a_max=mission.limits.acceleration_mps2,
+                v_max=mission.limits.speed_mps,
+                spacing_m=mission.plan.spacing,
+                edge_tolerance=mission.edge_tolerance,
+                collision_m=mission.limits.collision_m,
+                last_tick=mission.ticks,
+                cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
+                following=following_of(mission),
+            )
         )
-        self._scratch = kernels.Scratch(
-            np.zeros(agents, np.int64),
-            np.zeros((MAX_OBSTACLES, 2)),
-            np.zeros(MAX_OBSTACLES),
-            np.zeros(MAX_OBSTACLES, np.int8),
+        self._scratch = by_reference(
+            kernels.Scratch(
+                np.zeros(agents, np.int64),
+                np.zeros((MAX_OBSTACLES, 2)),
+                np.zeros(MAX_OBSTACLES),
+                np.zeros(MAX_OBSTACLES, np.int8),
+            )
         )
-        self._parts = Parts(  # the tick arrays borrow these
+        self._parts = TickArrays(
             rules_of(mission),
             shape_of(mission),
             empty_views(rows, agents),
@@ -121,7 +127,7 @@ class Batch:
             empty_frames(1),
             empty_memory(rows, 1),
         )
-        self._arrays = make_tick_arrays(self._parts)
+        self._arrays = by_reference(self._parts)
         for world, one in enumerate(missions):
             self.restart(world, one)
 
@@ -147,7 +153,7 @@ class Batch:
         views.slot_of[rows] = stage.claim[world]
         memory.disc_count[rows] = 0
         memory.stalled[rows] = 0
-        kernels.begin(world, stage, self._field, self._arrays)
+        kernels.begin(world, self._laid_out, self._field, self._arrays)
 
     def label(self, horizon: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """What the expert would do in the next ``horizon`` ticks, flying all drones from here; nothing changes.
@@ -158,7 +164,7 @@ class Batch:
         """
         shape = (self.worlds, self.agents, horizon, 2)
         displacement, velocity_change = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        kernels.label(self.stage, self._field, self._arrays, self._scratch, displacement, velocity_change)
+        kernels.label(self._laid_out, self._field, self._arrays, self._scratch, displacement, velocity_change)
         return displacement, velocity_change
 
     def fly(
@@ -176,15 +182,17 @@ class Batch:
                 flies, or with ``analytic`` the analytic controller, each drone for itself.
             by_expert: (E,) worlds in which the expert flies although there are plans.
         """
-        stage = self.stage
+        stage, laid_out = self.stage, self._laid_out
         stage.pilot[:] = ANALYTIC if analytic else EXPERT
         if acceleration is not None and displacement is not None:
             stage.pilot[:] = PLAN if by_expert is None else np.where(by_expert, EXPERT, PLAN)
-            stage = stage._replace(
-                acceleration=np.ascontiguousarray(acceleration, np.float32),
-                displacement=np.ascontiguousarray(displacement, np.float32),
+            laid_out = by_reference(
+                stage._replace(
+                    acceleration=np.ascontiguousarray(acceleration, np.float32),
+                    displacement=np.ascontiguousarray(displacement, np.float32),
+                )
             )
-        kernels.fly(ticks, stage, self._field, self._arrays, self._scratch)
+        kernels.fly(ticks, laid_out, self._field, self._arrays, self._scratch)
 
     def outcome(self, world: int) -> Outcome:
         """How the episode of ``world`` ended, as a flight's report has it."""

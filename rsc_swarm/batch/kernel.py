@@ -22,9 +22,9 @@ from agent.observation import aim_of, aim_row, compressed, observe_row, observe_
 from agent.perceive import find_neighbours, recall_obstacles
 from agent.policy.analytic_kernel import analytic
 from agent.target import place_target
-from agent.tick_arrays import Parts, TickArrays, parts_of
+from agent.tick_arrays import TickArrays
 from protocols.dynamics import TICK_S, Vector, target_x, vector
-from protocols.kernels import borrowed, inlined_kernel, kernel
+from protocols.kernels import allocating_kernel, inlined_kernel, kernel
 from protocols.slots import trigger
 from world import referee
 from world.plant import Bodies, Ground, move_world, sense_world
@@ -104,29 +104,29 @@ def _ground(stage: Stage) -> Ground:
 
 
 @inlined_kernel
-def _look(world: int, stage: Stage, parts: Parts, recall: bool) -> None:
+def _look(world: int, stage: Stage, arrays: TickArrays, recall: bool) -> None:
     """Sense and perceive, for every drone of a world, where it is now."""
-    rules, agents = parts.rules, stage.flying.shape[1]
-    sense_world(world, _bodies(stage), _ground(stage), rules.reach_m, True, parts.sensed)
+    rules, agents = arrays.rules, stage.flying.shape[1]
+    sense_world(world, _bodies(stage), _ground(stage), rules.reach_m, True, arrays.sensed)
     for agent in range(agents):
         row = world * agents + agent
-        find_neighbours(parts.memory, row, agent, 0, parts.sensed, True, rules.radio)
+        find_neighbours(arrays.memory, row, agent, 0, arrays.sensed, True, rules.radio)
         if recall:
-            recall_obstacles(parts.memory, row, parts.sensed, rules.remember_obstacles)
-        place_target(stage.ticks[world], row, rules.target_mps, parts.work)
-        aim_row(row, False, parts.shape, parts.views, parts.work, parts.sensed, parts.memory)
+            recall_obstacles(arrays.memory, row, arrays.sensed, rules.remember_obstacles)
+        place_target(stage.ticks[world], row, rules.target_mps, arrays.work)
+        aim_row(row, False, arrays.shape, arrays.views, arrays.work, arrays.sensed, arrays.memory)
 
 
 @inlined_kernel
-def _observe(world: int, past: int, stage: Stage, parts: Parts) -> None:
+def _observe(world: int, past: int, stage: Stage, arrays: TickArrays) -> None:
     """Note what every drone of a world observes now, ``past`` ticks before the last entry of the history."""
-    work, memory = parts.work, parts.memory
+    work, memory = arrays.work, arrays.memory
     place = PAST - 1 - past
     agents = stage.flying.shape[1]
     for agent in range(agents):
         row = world * agents + agent
         observe_row(
-            row, parts.rules.reach_m, work, parts.sensed, memory, stage.observation[place, world, agent]
+            row, arrays.rules.reach_m, work, arrays.sensed, memory, stage.observation[place, world, agent]
         )
         near = stage.near[place, world, agent]
         for index in range(near.shape[0]):
@@ -134,34 +134,34 @@ def _observe(world: int, past: int, stage: Stage, parts: Parts) -> None:
         if past == 0:
             ex, ey = compressed(work.slot_error[row, 0], work.slot_error[row, 1])
             stage.target[world, agent, 0], stage.target[world, agent, 1] = ex, ey
-            observe_wide_row(row, parts.rules.reach_m, memory, stage.extra[world, agent])
+            observe_wide_row(row, arrays.rules.reach_m, memory, stage.extra[world, agent])
 
 
 @inlined_kernel
-def _expert(world: int, agent: int, stage: Stage, parts: Parts, scratch: Scratch) -> Vector:
+def _expert(world: int, agent: int, stage: Stage, arrays: TickArrays, scratch: Scratch) -> Vector:
     """The expert's command, safe: the analytic controller with every obstacle of the field in view and no memory of sides."""
     row = world * stage.flying.shape[1] + agent
-    (x, y), count = vector(parts.sensed.position, row), stage.obstacle_count[world]
+    (x, y), count = vector(arrays.sensed.position, row), stage.obstacle_count[world]
     for index in range(count):
         disc = stage.obstacles[world, index]
         scratch.rel[index, 0], scratch.rel[index, 1] = disc[0] - x, disc[1] - y
         scratch.radius[index], scratch.side[index] = disc[2], 0
-    aim, near = aim_of(row, parts.work, parts.sensed), neighbours_of(parts.memory, row)
+    aim, near = aim_of(row, arrays.work, arrays.sensed), neighbours_of(arrays.memory, row)
     discs = Discs(count, scratch.rel, scratch.radius, scratch.side)
-    wanted = analytic(aim, near, discs, parts.rules.gains)
-    return safety_filter(wanted, aim.velocity, near, discs, parts.rules.limits)
+    wanted = analytic(aim, near, discs, arrays.rules.gains)
+    return safety_filter(wanted, aim.velocity, near, discs, arrays.rules.limits)
 
 
 @inlined_kernel
 def _decentralized(
-    world: int, agent: int, age: int, stage: Stage, following: Following, parts: Parts
+    world: int, agent: int, age: int, stage: Stage, following: Following, arrays: TickArrays
 ) -> Vector:
     """A drone's command, safe: its plan of ``age`` ticks ago followed, or the analytic controller."""
-    rules, row = parts.rules, world * stage.flying.shape[1] + agent
+    rules, row = arrays.rules, world * stage.flying.shape[1] + agent
     aim, near, discs = (
-        aim_of(row, parts.work, parts.sensed),
-        neighbours_of(parts.memory, row),
-        discs_of(parts.memory, row),
+        aim_of(row, arrays.work, arrays.sensed),
+        neighbours_of(arrays.memory, row),
+        discs_of(arrays.memory, row),
     )
     if stage.pilot[world] == ANALYTIC:
         wanted = analytic(aim, near, discs, rules.gains)
@@ -169,19 +169,19 @@ def _decentralized(
         plan = Plan(
             stage.start[world, agent], stage.displacement[world, agent], stage.acceleration[world, agent]
         )
-        position = vector(parts.sensed.position, row)
+        position = vector(arrays.sensed.position, row)
         wanted = follow_row(age, plan, position, aim, near, discs, following)
     if rules.detour:
-        wanted = leave_pocket(wanted, row, rules, parts.work, parts.sensed, parts.memory)
+        wanted = leave_pocket(wanted, row, rules, arrays.work, arrays.sensed, arrays.memory)
     if rules.filtered:
         wanted = safety_filter(wanted, aim.velocity, near, discs, rules.limits)
     return wanted
 
 
 @inlined_kernel
-def _reconfigure(world: int, stage: Stage, cooldown_ticks: int, parts: Parts) -> None:
+def _reconfigure(world: int, stage: Stage, cooldown_ticks: int, arrays: TickArrays) -> None:
     """The one swap of this tick that gains most, among drones within range that have rested; at once and known to all."""
-    rules, shape, work, memory = parts.rules.swap, parts.shape, parts.work, parts.memory
+    rules, shape, work, memory = arrays.rules.swap, arrays.shape, arrays.work, arrays.memory
     agents = stage.flying.shape[1]
     tick = stage.ticks[world]
     best, partner, best_gain = -1, -1, 0.0
@@ -213,7 +213,7 @@ def _reconfigure(world: int, stage: Stage, cooldown_ticks: int, parts: Parts) ->
     mine, theirs = stage.claim[world, best], stage.claim[world, partner]
     stage.claim[world, best], stage.claim[world, partner] = theirs, mine
     for row in range(world * agents, (world + 1) * agents):
-        parts.views.slot_of[row, best], parts.views.slot_of[row, partner] = theirs, mine
+        arrays.views.slot_of[row, best], arrays.views.slot_of[row, partner] = theirs, mine
     stage.rested[world, best] = stage.rested[world, partner] = tick + cooldown_ticks
     stage.swaps[world] += 1
 
@@ -241,8 +241,8 @@ def _move(world: int, stage: Stage, field: Field) -> None:
 
 
 @inlined_kernel
-def _judge(world: int, stage: Stage, field: Field, parts: Parts, holder: NDArray[np.int64]) -> None:
-    shape, x = parts.shape, target_x(stage.ticks[world], parts.rules.target_mps)
+def _judge(world: int, stage: Stage, field: Field, arrays: TickArrays, holder: NDArray[np.int64]) -> None:
+    shape, x = arrays.shape, target_x(stage.ticks[world], arrays.rules.target_mps)
     standard = referee.Standard(
         shape.offsets, shape.parent, stage.is_leaf, field.spacing_m, field.edge_tolerance, field.collision_m
     )
@@ -263,18 +263,14 @@ def _keep(world: int, place: int, source: int, stage: Stage) -> None:
 @kernel
 def begin(world: int, stage: Stage, field: Field, arrays: TickArrays) -> None:
     """The first look of an episode; the history repeats it."""
-    stage = borrowed(stage)
-    parts = parts_of(arrays)
-    _look(world, stage, parts, True)
+    _look(world, stage, arrays, True)
     for past in range(PAST):
-        _observe(world, past, stage, parts)
+        _observe(world, past, stage, arrays)
 
 
 @kernel
 def fly(ticks: int, stage: Stage, field: Field, arrays: TickArrays, scratch: Scratch) -> None:
     """Fly every world that is FLYING by ``ticks`` ticks, or to its end; plans were made now."""
-    stage, scratch = borrowed(stage), borrowed(scratch)
-    parts = parts_of(arrays)
     agents = stage.flying.shape[1]
     for world in range(stage.flying.shape[0]):
         if stage.result[world] != FLYING:
@@ -289,24 +285,24 @@ def fly(ticks: int, stage: Stage, field: Field, arrays: TickArrays, scratch: Scr
         for age in range(ticks):
             for agent in range(agents):
                 if stage.pilot[world] == EXPERT:
-                    ax, ay = _expert(world, agent, stage, parts, scratch)
+                    ax, ay = _expert(world, agent, stage, arrays, scratch)
                 else:
-                    ax, ay = _decentralized(world, agent, age, stage, field.following, parts)
+                    ax, ay = _decentralized(world, agent, age, stage, field.following, arrays)
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
-            _judge(world, stage, field, parts, scratch.holder)
+            _judge(world, stage, field, arrays, scratch.holder)
             _settle(world, stage, field)
             if stage.result[world] != FLYING:
                 break
-            _look(world, stage, parts, True)
-            if parts.rules.swap.rule != trigger.OFF:
-                _reconfigure(world, stage, field.cooldown_ticks, parts)
+            _look(world, stage, arrays, True)
+            if arrays.rules.swap.rule != trigger.OFF:
+                _reconfigure(world, stage, field.cooldown_ticks, arrays)
             left = ticks - 1 - age
             if left < PAST:
-                _observe(world, left, stage, parts)
+                _observe(world, left, stage, arrays)
 
 
-@kernel
+@allocating_kernel
 def label(
     stage: Stage, field: Field, arrays: TickArrays, scratch: Scratch, displacement: NDArray[np.float32],
     velocity_change: NDArray[np.float32],
@@ -316,8 +312,6 @@ def label(
     Args:
         displacement, velocity_change: (E, N, H, 2) out: p(t + h + 1) - p(t) - (h + 1) dt v(t) [m] and v(t + h + 1) - v(t) [m/s].
     """
-    stage, scratch = borrowed(stage), borrowed(scratch)
-    parts = parts_of(arrays)
     worlds, agents = stage.flying.shape
     horizon = displacement.shape[2]
     p, v = np.empty((agents, 2)), np.empty((agents, 2))
@@ -333,7 +327,7 @@ def label(
                 )
         for step in range(horizon):
             for agent in range(agents):
-                ax, ay = _expert(world, agent, stage, parts, scratch)
+                ax, ay = _expert(world, agent, stage, arrays, scratch)
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
             ahead = (step + 1) * TICK_S
@@ -344,7 +338,7 @@ def label(
                     velocity_change[world, agent, step, axis] = (
                         stage.velocity[world, agent, axis] - v[agent, axis]
                     )
-            _look(world, stage, parts, False)
+            _look(world, stage, arrays, False)
         for agent in range(agents):
             for axis in range(2):
                 stage.position[world, agent, axis], stage.velocity[world, agent, axis] = (
@@ -352,4 +346,4 @@ def label(
                     v[agent, axis],
                 )
         stage.ticks[world] = tick
-        _look(world, stage, parts, False)
+        _look(world, stage, arrays, False)

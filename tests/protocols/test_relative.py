@@ -31,7 +31,9 @@ def relate(
     near_id, near_rel = np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)])
     rules = RadioRules(range_m=6.0, memory_ticks=memory, max_hops=max_hops, speed_mps=10.0)
     said = Heard(heard_tick, one_hop, count, known, displacement)
-    chain_displacements(0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel)
+    chain_displacements(
+        0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel, np.zeros_like(hops)
+    )
     return hops.tolist(), rel
 
 

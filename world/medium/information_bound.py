@@ -48,10 +48,12 @@ def spread(
         for agent in range(agents):
             row = world * agents + agent
             for place in range(start[row], start[row + 1]):
-                told = information_bound.told[
-                    world, arrived[place, 1] % ring, arrived[place, 0] - world * agents
-                ]
+                source, sent = arrived[place, 0] - world * agents, arrived[place, 1] % ring
                 for other in range(agents):
-                    latest[agent, other] = max(latest[agent, other], told[other])
+                    known = information_bound.told[world, sent, source, other]
+                    latest[agent, other] = max(latest[agent, other], known)
             latest[agent, agent] = tick
-        information_bound.told[world, tick % ring] = latest
+        told = information_bound.told[world, tick % ring]
+        for agent in range(agents):
+            for other in range(agents):
+                told[agent, other] = latest[agent, other]

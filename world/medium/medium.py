@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.kernels import kernel
+from protocols.kernels import allocating_kernel, kernel
 from protocols.mission.document import Mission
 from world.medium import chance
 
@@ -237,7 +237,7 @@ def relay(
                     tally[world, DOUBLED] += 1
 
 
-@kernel
+@allocating_kernel
 def deliver(
     ticks: NDArray[np.int64],
     active: NDArray[np.bool_],
