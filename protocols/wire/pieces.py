@@ -27,7 +27,8 @@ def cut(message: bytes) -> Iterator[bytes]:
 class Joiner:
     """The other end: pieces in, messages out. A message that never ends, or is longer than any, is forgotten."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest: int = LONGEST_MESSAGE) -> None:
+        self._longest = longest
         self._joined = bytearray()
 
     def join(self, piece: bytes) -> bytes | None:
@@ -38,7 +39,7 @@ class Joiner:
             return piece
         self._joined += piece[1:]
         if mark == _MORE:
-            if len(self._joined) > LONGEST_MESSAGE:
+            if len(self._joined) > self._longest:
                 self._joined.clear()
             return None
         message = bytes(self._joined)

@@ -7,12 +7,17 @@ import io
 import pickle
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
+from datetime import timedelta
 from functools import cache
 from typing import Any
 
 import msgpack
 import numpy as np
+from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
+from protocols.mission.reading import MAX_BYTES
 from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, MAX_KNOWN
 from protocols.wire.messages import Hello, Ready, Refused, Reply, Tick, Wait, Welcome
 from tests.fuzz import seeds
@@ -39,7 +44,7 @@ def notes() -> Named:
         deep = [deep]  # type: ignore[assignment]
     swap = good[7][0]
     for name, place, value in (
-        ("a-nested-digest", 0, deep), ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3]),
+        ("a-nested-digest", 0, deep), ("proposal-of-two-numbers", 3, [1, 2]), ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3]),
         ("clock-at-its-end", 4, [2, 5, 2**48 - 1]), ("clock-beyond-its-end", 4, [2, 5, 2**48]),
         ("too-many-refusals", 5, [[1, 2]] * 9),
         ("counter-zero", 7, [_with(swap, 0, 0)]), ("too-many-swaps", 7, [swap] * 17),
@@ -133,6 +138,43 @@ def from_world() -> Named:
     yield "too-few-fields", packed([5])
 
 
+def _rsa_key() -> str:
+    key = rsa.generate_private_key(65537, 1024)
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()).decode()
+
+
+def logins() -> Named:
+    """Logins with certificates that are another's, of another time, or none."""
+    first, second = seeds.keys_of(seeds.TODAY).logins
+    own, others = first.certificates, second.certificates
+    assert own
+    assert others
+    for name, certificates in (
+        ("key-of-another", replace(own, private_key=others.private_key)),
+        ("certificate-of-another", others),
+        ("authority-of-another", replace(own, authority=others.certificate)),
+        ("two-certificates-in-one", replace(own, certificate=own.certificate + others.certificate)),
+        ("key-of-another-kind", replace(own, private_key=_rsa_key())),
+    ):
+        yield name, replace(first, certificates=certificates).to_json().encode()
+    for name, days in (("expired", -800), ("not-yet-valid", 800)):
+        yield name, seeds.keys_of(seeds.TODAY + timedelta(days)).logins[0].to_json().encode()
+
+
+def world_keys() -> Named:
+    """The same for the world."""
+    made_keys = seeds.keys_of(seeds.TODAY)
+    world, drone = made_keys.world, made_keys.logins[0].certificates
+    assert world.certificates
+    assert drone
+    yield "nobodys", replace(world, passwords=()).to_json().encode()
+    yield "more-than-a-swarm", replace(world, passwords=("a",) * 251).to_json().encode()
+    yield "certificate-of-a-drone", replace(world, certificates=drone).to_json().encode()
+    key_of_drone = replace(world.certificates, private_key=drone.private_key)
+    yield "key-of-a-drone", replace(world, certificates=key_of_drone).to_json().encode()
+    yield "of-another-address", seeds.keys_of(seeds.TODAY, "10.9.9.9").world.to_json().encode()
+
+
 def sensed() -> Named:
     """Rows that are not whole."""
     yield "own-too-long", bytes(43) + b"|"
@@ -145,6 +187,11 @@ def pieces() -> Named:
     """Messages without an end."""
     yield "never-ends", b"\x01abc|" * 500
     yield "nothing", b""
+
+
+def missions() -> Named:
+    """What would be too long for a file."""
+    yield "longer-than-read", b"#" * (MAX_BYTES + 1)
 
 
 def _array(array: Any, header: str | None = None) -> bytes:
@@ -281,7 +328,8 @@ def descriptions() -> Named:
 _MADE = {
     "frame": frames, "air": frames, "note": notes, "status": statuses, "from-drone": from_drone,
     "from-world": from_world, "sensed": sensed,
-    "pieces": pieces, "recording": recordings, "checkpoint": checkpoints, "model": models, "description": descriptions,
+    "pieces": pieces, "login": logins, "world-keys": world_keys, "recording": recordings, "checkpoint": checkpoints,
+    "model": models, "mission": missions, "description": descriptions,
 }  # fmt: skip
 _IN_MSGPACK = ("frame", "air", "note", "status", "from-drone", "from-world")
 

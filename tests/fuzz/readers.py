@@ -25,6 +25,7 @@ from protocols.wire.frames import FrameError
 from protocols.wire.keys import LinkError
 from rsc_swarm import options
 from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.missions import shipped_missions
 from rsc_swarm.show.plots import curves
 from rsc_swarm.study.evaluate import summarise
 from rsc_swarm.study.finished import FinishedFlights
@@ -103,9 +104,10 @@ def read_sensed(data: bytes) -> None:
 
 
 def read_pieces(data: bytes) -> None:
-    joiner = pieces.Joiner()
+    joiner = pieces.Joiner(longest=100)
     for piece in data.split(b"|"):
         joiner.join(piece)
+        assert len(joiner._joined) <= 100
     joiner = pieces.Joiner()
     for piece in pieces.cut(data):
         whole = joiner.join(piece)
@@ -168,8 +170,12 @@ def read_mission(path: Path) -> None:
 
 
 def read_options(data: bytes) -> None:
-    """Lines are words after ``--set``."""
-    given = options.MissionOptions(set=data.decode("utf-8", "surrogateescape").split("\n"))
+    """The first line comes after ``--mission`` if it names one that is shipped; all others are words after ``--set``."""
+    first, *others = data.decode("utf-8", "surrogateescape").split("\n")
+    words = others if first in shipped_missions() else [first, *others]
+    given = options.MissionOptions(
+        mission=None if words[:1] == [first] else first, set=words, loss=0.1 if len(words) > 5 else None
+    )
     options.resolve(given)
     options.command_line("launch", given)
 
@@ -210,6 +216,8 @@ def read_result(path: Path) -> None:
 
 
 def read_report(path: Path) -> None:
+    if not path.read_bytes():
+        path.unlink()
     RunDir(path.parent).ended()
 
 
@@ -223,7 +231,9 @@ def read_recording(path: Path) -> None:
 
 
 def read_training(path: Path) -> None:
-    config = make_config("default", path)
+    """A comment in the first line names the preset."""
+    first = path.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
+    config = make_config(first[2:] if first.startswith("# ") else "default", path)
     assert TrainingConfig.model_validate_json(config.model_dump_json()) == config
 
 

@@ -4,7 +4,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -128,20 +128,19 @@ def pieces() -> Iterator[bytes]:
 
 
 @cache
-def _keys() -> Keys:
-    return make_keys("rsc", 2, [ADDRESS, "world.example"], 365, TODAY)
+def keys_of(now: datetime, address: str = ADDRESS) -> Keys:
+    """Of a swarm of two, made ``now``."""
+    return make_keys("rsc", 2, [address, "world.example"], 365, now)
 
 
 def logins() -> Iterator[bytes]:
     yield Login("rsc", 3, "secret").to_json().encode()
-    first, second = _keys().logins
-    yield first.to_json().encode()
-    yield replace(second, agent=0).to_json().encode()  # another's certificate
+    yield keys_of(TODAY).logins[0].to_json().encode()
 
 
 def world_keys() -> Iterator[bytes]:
     yield Credentials("rsc", ("a", "b")).to_json().encode()
-    yield _keys().world.to_json().encode()
+    yield keys_of(TODAY).world.to_json().encode()
 
 
 def missions() -> Iterator[bytes]:
@@ -173,6 +172,7 @@ def missions() -> Iterator[bytes]:
 
 
 def settings() -> Iterator[bytes]:
+    yield b"restart\nhold_s=1"
     yield b"hold_s=2\nstart.scrambled=true\nradio.burst={loss: 0.1, length_s: 2}\nname='x y'\npolicy=a.py:B"
     yield b"formation.shape=custom\nformation.slots_m=[[0, 0], [5, 0]]\nagents=2\nswap.rule=off\nswap.rule.x=1"
 
@@ -247,6 +247,7 @@ def trainings() -> Iterator[bytes]:
     for preset in PRESETS.values():
         yield json.dumps(preset).encode()
     yield TrainingConfig().model_dump_json(indent=1).encode()
+    yield b"# paper\n"
 
 
 def checkpoints() -> Iterator[bytes]:

@@ -6,9 +6,8 @@ The branches of a target's ``decoders`` are counted, so that a corpus can be jud
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from agent.policy import find_policy, model_file
+from agent.policy import model_file
 from agent.policy.model_file import ModelFileError
-from agent.policy.registry import _class_called
 from agent.radio.air import Air
 from protocols.errors import SwarmError
 from protocols.mission import (
@@ -152,7 +151,7 @@ TARGETS = {
         (SwarmError, ValueError),
         seeds.words,
         mutate.bytes_changed,
-        (keys.checked_swarm, endpoints, policy_name, find_policy, _class_called),
+        (keys.checked_swarm, endpoints, policy_name),
     ),
     "model-note": Target(
         readers.in_file("model.json", readers.read_model),
