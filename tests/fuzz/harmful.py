@@ -44,11 +44,12 @@ def notes() -> Named:
         deep = [deep]  # type: ignore[assignment]
     swap = good[7][0]
     for name, place, value in (
-        ("a-nested-digest", 0, deep), ("proposal-of-two-numbers", 3, [1, 2]), ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3]),
+        ("a-nested-digest", 0, deep), ("proposal-of-two-numbers", 3, [1, 2]),
+        ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3]),
         ("clock-at-its-end", 4, [2, 5, 2**48 - 1]), ("clock-beyond-its-end", 4, [2, 5, 2**48]),
         ("too-many-refusals", 5, [[1, 2]] * 9),
         ("counter-zero", 7, [_with(swap, 0, 0)]), ("too-many-swaps", 7, [swap] * 17),
-        ("swap-with-itself", 7, [_with(swap, 4, swap[3])]),
+        ("swap-with-itself", 7, [_with(swap, 5, swap[3])]),
         ("set-of-more-than-all", 8, b"\xff"), ("set-of-too-many-bytes", 8, bytes(2)), ("set-is-a-number", 8, 5),
         ("checkpoint-not-a-permutation", 9, [bytes(AGENTS), 1, 2, 3]), ("checkpoint-of-other-agents", 9, [bytes(5), 1, 2, 3]),
     ):  # fmt: skip
