@@ -106,10 +106,10 @@ def _near(value: Any, draw: random.Random) -> Any:
 
 def _pem_changed(text: str, draw: random.Random) -> str:
     """A certificate or key with other bytes in it."""
-    first, *lines, last = text.strip().split("\n")
     try:
+        first, *lines, last = text.strip().split("\n")
         inside = base64.b64decode("".join(lines))
-    except ValueError:
+    except ValueError:  # it has been changed before
         return text[: draw.randint(0, len(text))]
     changed = base64.b64encode(bytes_changed(inside, draw)).decode()
     return "\n".join([first, *(changed[at : at + 64] for at in range(0, len(changed), 64)), last, ""])

