@@ -20,7 +20,7 @@ app = typer.Typer(
     help="Fly a swarm of drones in rigid formation, every drone a process of its own.",
     epilog=f"Exit codes: {ExitCode.SUCCEEDED:d} the flight succeeded, {ExitCode.FAILED:d} it failed, "
     f"{ExitCode.BAD_USAGE:d} bad usage or mission, {ExitCode.BROKEN:d} the run itself broke, "
-    f"{ExitCode.INTERRUPTED:d} stopped by Ctrl-C. "
+    f"{ExitCode.INTERRUPTED:d} stopped by Ctrl-C or SIGTERM. "
     "Begin with [bold]rsc-swarm simulate[/] or [bold]rsc-swarm launch[/].",
 )
 
@@ -68,7 +68,14 @@ def examples(*lines: str) -> str:
 
 
 def announce_compiling() -> None:
-    """Say so if the first thing this command does will be to compile."""
+    """Say so if the first thing this command does will be to compile.
+
+    Raises:
+        rsc_swarm.machine.limits.MachineError: there is too little memory even to import what it needs.
+    """
+    from rsc_swarm.machine.limits import check_addresses
+
+    check_addresses()
     from agent.tick import before_policy
     from protocols.kernels import is_kept
 

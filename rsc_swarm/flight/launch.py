@@ -135,7 +135,7 @@ class _Launch:
         log = self._log(name)
         if name == _WORLD:  # it may finish its record, and then removes the run's folder
             self._supervisor.start(
-                name, target, *args, log=log, at_launcher_death=signal.SIGTERM, run_folder=self._folder.path
+                name, target, *args, log=log, at_launcher_death=signal.SIGCONT, run_folder=self._folder.path
             )
         else:
             self._supervisor.start(name, target, *args, log=log)

@@ -63,16 +63,20 @@ class Exit(NamedTuple):
 def leave_on_sigterm() -> Leave:
     """From now on SIGTERM asks this process to leave instead of ending it, so that it can close its link.
 
-    If it is the launcher's death that asks, nobody will come with SIGKILL: the kernel's alarm clock does it.
+    SIGCONT does too, once the launcher has died: it reaches also who is stopped. Then nobody will come with SIGKILL: the kernel's
+    alarm clock does it.
     """
     leave = Leave()
 
-    def ask(_signal: int, _frame: FrameType | None) -> None:
-        leave.asked = True
+    def ask(number: int, _frame: FrameType | None) -> None:
         if launcher_died():
             signal.setitimer(signal.ITIMER_REAL, _LEAVE_WITHOUT_LAUNCHER_S)
+        elif number == signal.SIGCONT:
+            return
+        leave.asked = True
 
     signal.signal(signal.SIGTERM, ask)
+    signal.signal(signal.SIGCONT, ask)
     return leave
 
 
@@ -119,7 +123,7 @@ class Supervisor:
         Args:
             name: who it is, in reports and in its log. A name may be used again once its process has ended.
             log: where stdout and stderr go (appended); None: where the launcher's go.
-            at_launcher_death: what the kernel sends it then. SIGTERM only for one that leaves soon by itself.
+            at_launcher_death: what the kernel sends it then. SIGCONT (`leave_on_sigterm`) for one that leaves soon by itself.
             run_folder: removed by the child when it leaves after its launcher has died.
 
         Raises:

@@ -8,7 +8,7 @@ from protocols.errors import BrokenError
 
 # Of the world, which needs most: it was seen to have 27 files open with 4 drones, 63 with 40, and 1.4 GiB of addresses.
 _FILES, _FILES_PER_DRONE = 48, 2
-_ADDRESS_SPACE = 2 << 30  # bytes
+_ADDRESSES, _ADDRESSES_OF_WORLD = 1 << 30, 2 << 30  # bytes
 
 
 class MachineError(BrokenError):
@@ -29,11 +29,20 @@ def make_room(drones: int) -> None:
                 f"{needed} open files are needed, and {hard} are allowed here: allow more (ulimit -n {needed})"
             )
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
-    space = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if space != resource.RLIM_INFINITY and space < _ADDRESS_SPACE:
+    check_addresses(_ADDRESSES_OF_WORLD)
+
+
+def check_addresses(needed: int = _ADDRESSES) -> None:
+    """Look whether this process may have so many bytes of addresses; with less, libraries hang while they are imported.
+
+    Raises:
+        MachineError: it may not.
+    """
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if allowed != resource.RLIM_INFINITY and allowed < needed:
         raise MachineError(
-            f"a process may have {space >> 20} MiB of addresses here, and needs {_ADDRESS_SPACE >> 20}: "
-            f"allow more (ulimit -v {_ADDRESS_SPACE >> 10})"
+            f"a process may have {allowed >> 20} MiB of addresses here, and needs {needed >> 20}: "
+            f"allow more (ulimit -v {needed >> 10})"
         )
 
 

@@ -143,11 +143,14 @@ def test_what_may_be_raised_is_raised() -> None:
     assert (said.returncode, complaints(said)) == (1, [])
 
 
-def test_too_little_memory_is_told_before_anything_is_started() -> None:
-    little = (1 << 30, 1 << 30)
-    said = run("launch", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, little))
-    line = "rsc-swarm: a process may have 1024 MiB of addresses here, and needs 2048: allow more (ulimit -v 2097152)"
-    assert (said.returncode, complaints(said)) == (3, [line])
+@pytest.mark.parametrize(
+    ("verb", "little", "needed"), [("launch", 1500, 2048), ("launch", 485, 1024), ("simulate", 485, 1024)]
+)
+def test_too_little_memory_is_told_before_anything_is_started(verb: str, little: int, needed: int) -> None:
+    most = (little << 20, little << 20)
+    said = run(verb, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, most))
+    line = f"a process may have {little} MiB of addresses here, and needs {needed}: allow more (ulimit -v {needed << 10})"
+    assert (said.returncode, complaints(said)) == (3, [f"rsc-swarm: {line}"])
 
 
 # --- signals -----------------------------------------------------------------------------------------------

@@ -76,7 +76,7 @@ def tell(here: Path) -> Callable[[str], list[str]]:
 
     def run(story: str) -> list[str]:
         process = launcher(story, here)
-        out, err = process.communicate(timeout=20.0)
+        out, err = process.communicate(timeout=120.0)
         assert process.returncode == 0, err
         return out.splitlines()
 
@@ -306,7 +306,7 @@ def test_stop_asks_first_and_then_makes_sure(tell: Callable[[str], list[str]], h
 WHOLE_SWARM = """
 with RunFolder() as folder, Supervisor(grace_s=0.5) as swarm:
     folder.socket.write_text("")
-    swarm.start("world", polite, "world", at_launcher_death=signal.SIGTERM, run_folder=folder.path)
+    swarm.start("world", polite, "world", at_launcher_death=signal.SIGCONT, run_folder=folder.path)
     for name, target in (("polite", polite), ("stubborn", stubborn), ("frozen", polite)):
         swarm.start(name, target, name)
     await_files("world", "polite", "stubborn", "frozen")
@@ -332,6 +332,18 @@ def test_when_the_launcher_is_killed_outright_all_end_and_the_world_cleans_up(
     assert run_folders(here) == []
 
 
+def test_a_world_that_is_stopped_does_not_outlive_its_launcher(
+    begin: Callable[[str], "subprocess.Popen[str]"], here: Path
+) -> None:
+    process = begin(WHOLE_SWARM)
+    os.kill(int((here / "world").read_text()), signal.SIGSTOP)
+    process.kill()
+    process.wait()
+    assert eventually(lambda: not alive(here, *EVERYONE), within_s=8.0), alive(here, *EVERYONE)
+    assert (here / "world left").exists()
+    assert run_folders(here) == []
+
+
 def test_a_world_that_cannot_leave_does_not_outlive_its_launcher(
     begin: Callable[[str], "subprocess.Popen[str]"], here: Path
 ) -> None:
@@ -344,7 +356,7 @@ def test_a_world_that_cannot_leave_does_not_outlive_its_launcher(
                 time.sleep(0.01)
 
         with Supervisor() as swarm:
-            swarm.start("world", stuck, "world", at_launcher_death=signal.SIGTERM)
+            swarm.start("world", stuck, "world", at_launcher_death=signal.SIGCONT)
             await_files("world")
             print("ready", flush=True)
             time.sleep(60.0)

@@ -35,6 +35,13 @@ def test_whoever_is_killed_the_report_of_what_was_flown_is_kept(
     assert bool(seen.complaints) is complains
 
 
+def test_a_world_that_is_stopped_does_not_outlive_its_launcher(tmp_path: Path) -> None:
+    watched = in_flight(tmp_path)
+    watched.strike("world", signal.SIGSTOP)
+    watched.strike("launcher", signal.SIGKILL)
+    assert watched.end().left == []
+
+
 def test_a_launcher_that_is_stopped_and_goes_on_has_missed_nothing(tmp_path: Path) -> None:
     watched = in_flight(tmp_path)
     watched.strike("launcher", signal.SIGSTOP)
