@@ -68,8 +68,8 @@ def track_row(age: int, plan: Plan, position: Vector, velocity: Vector, required
         return required_acceleration(r_x, r_y, velocity[0], velocity[1], TICK_S)
     w_x, w_y = start[2] - velocity[0], start[3] - velocity[1]
     for step in range(age):
-        w_x += acceleration[step, 0] * TICK_S
-        w_y += acceleration[step, 1] * TICK_S
+        w_x += float(acceleration[step, 0]) * TICK_S
+        w_y += float(acceleration[step, 1]) * TICK_S
     if age > 0:
         p_x += start[2] * age * TICK_S + displacement[age - 1, 0]
         p_y += start[3] * age * TICK_S + displacement[age - 1, 1]

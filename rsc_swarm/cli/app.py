@@ -68,7 +68,7 @@ def examples(*lines: str) -> str:
 
 
 def announce_compiling() -> None:
-    """Say so if the first thing this command does will be to compile.
+    """Compile the rules if that has not been done, and show how far it has come.
 
     Raises:
         rsc_swarm.machine.limits.MachineError: there is too little memory even to import what it needs.
@@ -80,7 +80,9 @@ def announce_compiling() -> None:
     from protocols.kernels import is_kept
 
     if not is_kept(before_policy):
-        typer.echo("compiling flight kernels, once (a minute or two)...", err=True)
+        from rsc_swarm.flight.warm import compile_flight
+
+        compile_flight()
 
 
 def print_version(wanted: bool) -> None:

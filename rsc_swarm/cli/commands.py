@@ -13,6 +13,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     simulate,
     tables,
     train,
+    warm_up,
     world,
 )  # isort: skip
 from rsc_swarm.cli.app import app as app

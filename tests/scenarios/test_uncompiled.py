@@ -18,7 +18,7 @@ RULES = [
 FLIGHT = """
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.simulate import simulate
-for policy in ("rsc-h1", "saber", "analytic"):
+for policy in ("rsc-h20", "saber", "analytic"):
     print(simulate([parse_mission({
         "agents": 4, "fly_s": 0.5, "policy": policy, "start": {"scrambled": True}, "swap": {"connected": True},
         "obstacles": {"discs": [[3, 1, 1], [4, -3, 1.5]]},

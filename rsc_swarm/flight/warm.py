@@ -1,0 +1,96 @@
+"""Compile the rules ahead, and tell how far that has come: a first flight has nothing else to show for a while."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from numba.core.event import Listener, install_listener
+
+from agent.policy import learned  # noqa: F401  its rules count, too
+from agent.process import rehearse
+from protocols.kept import Kept
+from protocols.mission.document import Mission, parse_mission
+from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.show.progress import Meter
+
+_PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
+
+
+def compile_flight() -> None:
+    """Compile what a flight of the learned policy needs, as far as it is not kept on disk already."""
+    with _counting():
+        _fly(_mission())
+        rehearse(_mission())
+
+
+def compile_all() -> None:
+    """Compile what flights, evaluations and trainings need, as far as it is not kept on disk already."""
+    from agent.policy import analytic, saber  # noqa: F401  their rules count, too
+    from rsc_swarm.batch.batch import Batch
+
+    with _counting():
+        for policy in ("rsc-h20", "analytic", "saber"):
+            _fly(_mission(policy=policy))
+        rehearse(_mission())
+        batch = Batch([_mission(faults=[])])
+        batch.fly(1)
+        batch.label(1)
+
+
+def _mission(**fields: Any) -> Mission:
+    """A small flight: the rules are the same for any number of drones. Those of lost ones need one that is lost."""
+    return parse_mission({"agents": 4, "faults": [{"at_s": 0.01, "kind": "kill", "slots": [2]}], **fields})
+
+
+def _fly(mission: Mission) -> None:
+    flight = Simulation([mission], rehearsal=True)
+    for _ in range(3):
+        flight.tick()
+
+
+@contextmanager
+def _counting() -> Iterator[None]:
+    """Show on a bar how many of the loaded modules' rules are compiled, before anything else can be shown."""
+    counter = _Counter(len(_loaded()))
+    try:
+        with install_listener("numba:compile", counter):
+            yield
+    finally:
+        counter.close()
+
+
+def _loaded() -> set[int]:
+    """The rules of all modules that are loaded, by id."""
+    modules = [module for name, module in sys.modules.items() if name.split(".")[0] in _PACKAGES]
+    return {id(rule) for module in modules for rule in vars(module).values() if _is_rule(rule)}
+
+
+def _is_rule(thing: Any) -> bool:
+    return isinstance(getattr(thing, "_cache", None), Kept)
+
+
+class _Counter(Listener):
+    """Counts on a bar which rules are compiled."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._ready, self._meter = total, 0, Meter()
+        self._meter.begin(self._text(), total)
+        self._meter.draw(0, self._text())
+
+    def on_start(self, event: Any) -> None:
+        """A rule begins: nothing to tell."""
+
+    def on_end(self, event: Any) -> None:
+        """A rule, or a part of one, is compiled."""
+        if _is_rule(event.data["dispatcher"]):
+            self._ready += 1
+            if self._meter.due():
+                self._meter.draw(self._ready, self._text())
+
+    def close(self) -> None:
+        """Take the bar away."""
+        self._meter.close()
+
+    def _text(self) -> str:
+        return f"compiling the rules: {self._ready} of {self._total}"
