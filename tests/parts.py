@@ -4,15 +4,15 @@ import numpy as np
 
 from agent.memory import Memory, empty_memory
 from agent.rules import rules_of, shape_of
-from agent.tick_arrays import Parts, empty_views, empty_work
+from agent.tick_arrays import TickArrays, empty_views, empty_work
 from protocols.mission.document import Mission
 from protocols.wire.frames import empty_frames
 from protocols.wire.sensed import empty_sensed
 
 
-def empty_parts(mission: Mission, me: int = 0, memory: Memory | None = None) -> Parts:
+def empty_parts(mission: Mission, me: int = 0, memory: Memory | None = None) -> TickArrays:
     """Drone ``me`` of a mission's swarm, which has sensed and heard nothing."""
-    return Parts(
+    return TickArrays(
         rules_of(mission),
         shape_of(mission),
         empty_views(1, mission.agents),

@@ -80,7 +80,7 @@ def announce_compiling() -> None:
     from protocols.kernels import is_kept
 
     if not is_kept(before_policy):
-        from rsc_swarm.flight.warm import compile_flight
+        from rsc_swarm.cli.compiling import compile_flight
 
         compile_flight()
 

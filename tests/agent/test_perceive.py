@@ -5,7 +5,7 @@ import pytest
 
 from agent.memory import Memory, empty_memory, forget
 from agent.perceive import compose_row, find_neighbours, hear_frame, recall_obstacles
-from agent.tick_arrays import Parts
+from agent.tick_arrays import TickArrays
 from protocols.mission.document import parse_mission
 from protocols.relative import NEVER, UNKNOWN, RadioRules
 from protocols.wire.frames import AGE_NEVER, OBSERVATION_UNIT, Frames, empty_frames
@@ -165,12 +165,12 @@ def test_more_obstacles_than_can_be_remembered_are_no_crash() -> None:
     assert memory.disc_count[0] == 16
 
 
-def drone(memory: Memory | None = None, me: int = 2, max_hops: int = 3) -> Parts:
+def drone(memory: Memory | None = None, me: int = 2, max_hops: int = 3) -> TickArrays:
     """Drone ``me``."""
     return empty_parts(parse_mission({"agents": N, "radio": {"hops": max_hops}}), me, memory)
 
 
-def compose(tick: int, parts: Parts) -> None:
+def compose(tick: int, parts: TickArrays) -> None:
     compose_row(tick, 0, 0, parts.rules, parts.work, parts.sensed, parts.frames, parts.memory)
 
 
