@@ -24,10 +24,11 @@ from agent.policy import Seen, find_policy
 from agent.policy.asking import absurd, ask, call
 from agent.radio.air import Air
 from agent.rules import rules_of, shape_of
-from agent.slot_endpoints import SlotEndpoints
+from agent.slot_endpoints import SealsOf, SlotEndpoints
 from agent.tick_arrays import TickArrays, empty_views, empty_work
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission
+from protocols.slots.seals import Stamps
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -75,6 +76,7 @@ class AgentCore:
         inbox_size: int,
         boot: int = 0,
         rehearsal: bool = False,
+        seals_of: SealsOf = Stamps,
     ) -> None:
         """Make the drones numbered ``me`` (A,), whose swarm starts in ``initial_slots`` (A, N): agent -> slot.
 
@@ -82,6 +84,7 @@ class AgentCore:
             inbox_size: frames that all rows together can hear in one tick.
             boot: above 0 means restarted in mid-flight, knowing nothing but the initial slots.
             rehearsal: this process will fork: load all code, but open nothing.
+            seals_of: what each drone seals its swaps with; without, what is good enough for drones of one process.
 
         Raises:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
@@ -94,7 +97,7 @@ class AgentCore:
         self._work = empty_work(agents, inbox_size)
         self._memory = empty_memory(len(agents), mission.agents)
         self._views = empty_views(len(agents), mission.agents)
-        self._endpoints = SlotEndpoints(mission, agents, initial_slots, self._views, boot)
+        self._endpoints = SlotEndpoints(mission, agents, initial_slots, self._views, boot, seals_of)
         self._sensed: Sensed | None = None
         self._air: Air | None = None
 

@@ -4,6 +4,7 @@ Almost always nothing changes: every digest heard equals one's own and no note s
 news; only those run their `SlotEndpoint`.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +16,19 @@ from protocols.dynamics import ticks_of
 from protocols.mission.document import Mission
 from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapCounts, SwapRules
 from protocols.slots.highest_version import VersionedParty
+from protocols.slots.notes import MAX_OPS
+from protocols.slots.seals import Seals
 from protocols.slots.trigger import NOBODY
+from protocols.wire.frames import MAX_FRAME_BYTES, MAX_KNOWN
+
+_FRAME_BYTES, _KNOWN_BYTES, _DEAL_BYTES, _SWAP_BYTES = (
+    110,
+    9,
+    180,
+    158,
+)  # of one frame, none of them ever more
+
+SealsOf = Callable[[int], Seals]  # agent -> its seals
 
 
 class SlotEndpoint(Protocol):
@@ -40,8 +53,11 @@ class SlotEndpoint(Protocol):
     def propose(self, partner: int, tick: int) -> None:
         """Begin to exchange slots with ``partner``. IllegalSwap if not ready."""
 
+    def may_vacate(self, dead: int) -> bool:
+        """Whether it may take that drone's slot, if that one is dead."""
+
     def vacate(self, dead: int, tick: int) -> None:
-        """Take a dead drone's slot, at once. IllegalSwap if engaged or amnesiac."""
+        """Take a dead drone's slot, at once. IllegalSwap if engaged or amnesiac, or if it may not."""
 
     def hear(self, note: SlotNote, sender: int, tick: int) -> None:
         """A neighbour's note."""
@@ -53,7 +69,13 @@ class SlotEndpoint(Protocol):
         """What its next frame says. Counts as said."""
 
 
-def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int) -> SlotEndpoint:
+def swaps_per_note(agents: int) -> int:
+    """How many sealed swaps a frame has room for, however much else it carries."""
+    known = _KNOWN_BYTES * min(agents - 1, MAX_KNOWN)
+    return min(MAX_OPS, (MAX_FRAME_BYTES - _FRAME_BYTES - known - _DEAL_BYTES - agents // 8) // _SWAP_BYTES)
+
+
+def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int, seals: Seals) -> SlotEndpoint:
     """The side of drone ``me`` in the mission's protocol."""
     spec = mission.swap
     answer = mission.answer_ticks
@@ -62,9 +84,11 @@ def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int) -> S
         answer_ticks=answer,
         lock_ticks=2 * answer,
         retry_ticks=10,
+        repair_per_frame=swaps_per_note(mission.agents),
+        leaders=tuple(map(int, mission.plan.parent)),
     )
     party = SlotParty if spec.protocol == "agreed" else VersionedParty
-    return party(me, initial, rules, nonce=boot, amnesiac=boot > 0)
+    return party(me, initial, rules, nonce=boot, amnesiac=boot > 0, seals=seals)
 
 
 class SlotEndpoints:
@@ -77,11 +101,14 @@ class SlotEndpoints:
         initial_slots: NDArray[np.int16],
         views: Views,
         boot: int,
+        seals_of: SealsOf,
     ) -> None:
+        self._seals_of = seals_of
         self._mission, self._me, self._views = mission, me, views
         self._initial = [[int(slot) for slot in row] for row in initial_slots]
         self.endpoint = [
-            make_endpoint(mission, int(agent), self._initial[row], boot) for row, agent in enumerate(me)
+            make_endpoint(mission, int(agent), self._initial[row], boot, seals_of(int(agent)))
+            for row, agent in enumerate(me)
         ]
         self._busy = boot > 0  # whether any party was busy when last looked at
         for row in range(len(me)):
@@ -90,7 +117,10 @@ class SlotEndpoints:
     def restart(self, row: int, boot: int) -> None:
         """The drone of this row lost its memory."""
         self._busy = True
-        self.endpoint[row] = make_endpoint(self._mission, int(self._me[row]), self._initial[row], boot)
+        agent = int(self._me[row])
+        self.endpoint[row] = make_endpoint(
+            self._mission, agent, self._initial[row], boot, self._seals_of(agent)
+        )
         self._refresh(row)
 
     def _refresh(self, row: int) -> bool:
@@ -113,7 +143,7 @@ class SlotEndpoints:
             for index in work.inbox[work.inbox_start[row] : work.inbox_start[row + 1]].tolist():
                 party.hear(air.note(index), int(senders[index]), tick)
             party.advance(tick)
-            if vacated != NOBODY and party.stance is Stance.IDLE:
+            if vacated != NOBODY and party.stance is Stance.IDLE and party.may_vacate(vacated):
                 party.vacate(vacated, tick)
             elif partner != NOBODY and party.ready(tick):
                 party.propose(partner, tick)

@@ -10,9 +10,11 @@ The rules
     2. A party is in one deal at a time. `TURNS` lists what it may do when; anything else raises `IllegalSwap`
        and changes nothing.
     3. The proposer commits when it hears the acceptance of its pending proposal, and of no other. It acts at
-       once; its partner acts when the swap reaches it, from anybody. The swap counts more than any other that
-       either knows, so each agent's swaps are ordered as it went through them, and unless a promise times out
-       or a slot is vacated, none that was acted on is ever undone.
+       once; its partner acts when the swap reaches it, from anybody. The swap counts more than any other that the
+       proposer knew when it asked and its partner when it accepted, so each agent's swaps are ordered as it went
+       through them, and unless a promise times out or a slot is vacated, none that was acted on is ever undone.
+       The partner names the counter and puts its seal on the whole swap, the proposer its own when it commits: of
+       one consent there is one swap.
     4. If two propose to each other, the lower id gives up its own proposal and accepts the other's.
     5. A proposal is given up after `answer_ticks`; a promise after `lock_ticks`, which is longer, so that a
        commit of the last moment still finds the promise. Either ends early when the party sees one of the two
@@ -20,9 +22,11 @@ The rules
     6. After a commit both parties cool down, or the partner could swap straight back. A proposer whose
        proposal came to nothing pauses before the next.
     7. The dead cannot answer: whoever takes a dead agent's slot commits alone (`vacate`). If two do, the
-       order of swaps decides.
+       order of swaps decides. Only the follower of a slot may take it, and each agent `MAX_TAKEN` times.
     8. An amnesiac agrees to nothing before it has caught up. The nonces of its swaps begin with the number of
        its boot, so it never uses a swap's name again.
+    9. Who lets promises made to it time out, or asks anew instead of committing, cannot keep its partner: a promise is
+       renewed for `lock_ticks` at most, and after one has timed out its proposer is refused for `cooldown_ticks`.
 
 What everybody learns, and how, is the subject of `protocols.slots.gossip`.
 """
@@ -36,8 +40,9 @@ from enum import Enum
 from typing import NamedTuple
 
 from protocols.slots.gossip import NO_NEWS, SlotGossip
-from protocols.slots.history import SlotBook, Swap
+from protocols.slots.history import MAX_LEAP, MAX_TAKEN, SlotBook, Swap, pack_swap
 from protocols.slots.notes import MAX_REFUSALS, QUIET, Acceptance, Proposal, Refusal, SlotNote, decode, encode
+from protocols.slots.seals import Sealed, Seals, Stamps
 from protocols.slots.settings import SwapCounts, SwapRules
 
 __all__ = ["IllegalSwap", "SlotNote", "SlotParty", "Stance", "SwapCounts", "SwapRules", "decode", "encode"]
@@ -78,20 +83,35 @@ class Deal(NamedTuple):
     slot: int
     partner: int
     partner_slot: int
+    clock: int  # all that the proposer knew when it asked
+    counter: int  # named by the partner; 0: not yet
+    seal: bytes  # of the partner; empty: not yet
+    since: int  # tick of the first proposal, if it was renewed
     until: int  # tick
+
+    def swap(self, counter: int) -> Swap:
+        """What it comes to."""
+        return Swap(counter, self.proposer, self.nonce, self.slot, self.partner, self.partner_slot)
 
 
 class SlotParty:
     """One agent's endpoint of the swap protocol: a state machine that is told the tick and draws no lots.
 
     `initial[agent]` is the slot an agent starts in. `nonce` is the number of this boot: a restarted agent is
-    given a larger one than before, and `amnesiac=True`. `copy.copy` gives an independent twin.
+    given a larger one than before, and `amnesiac=True`. `seals` are this agent's; without, stamps that are good enough within one
+    process. `copy.copy` gives an independent twin.
 
     To read: `slot_of` (agent -> slot), `digest` (64 bits, equal for equal knowledge), `stance`, `counts`.
     """
 
     def __init__(
-        self, me: int, initial: Sequence[int], rules: SwapRules, nonce: int = 0, amnesiac: bool = False
+        self,
+        me: int,
+        initial: Sequence[int],
+        rules: SwapRules,
+        nonce: int = 0,
+        amnesiac: bool = False,
+        seals: Seals | None = None,
     ) -> None:
         if not 0 <= me < len(initial):
             raise ValueError(f"no agent {me} among {len(initial)}")
@@ -99,14 +119,16 @@ class SlotParty:
         self.stance = Stance.AMNESIAC if amnesiac else Stance.IDLE
         self.counts = SwapCounts()
         self._rules = rules
-        self._gossip = SlotGossip(me, initial, rules, amnesiac)
+        self._seals = seals or Stamps(me)
+        self._gossip = SlotGossip(me, initial, rules, self._seals, amnesiac)
         self._deal: Deal | None = None
         self._next_nonce = nonce * _NONCES_PER_BOOT
         self._given_up = -1  # nonce of my latest proposal that came to nothing
         self._cool_until = 0  # tick
         self._retry_at = 0  # tick
         self._refusals: tuple[Refusal, ...] = ()
-        self._acting: tuple[Swap, ...] = ()  # open swaps that moved me
+        self._shunned, self._shun_until = -1, 0  # who let its promise time out; tick
+        self._acting: tuple[Swap, ...] = ()  # swaps that moved me
         self._mirror()
 
     def __copy__(self) -> SlotParty:
@@ -120,12 +142,14 @@ class SlotParty:
         deal = self._deal
         return (
             self.stance,
-            deal and deal._replace(until=deal.until - tick),
+            deal and deal._replace(since=deal.since - tick, until=deal.until - tick),
             self._next_nonce,
             self._given_up,
             max(self._cool_until - tick, 0),
             max(self._retry_at - tick, 0),
             self._refusals,
+            self._shunned if self._shun_until > tick else -1,
+            max(self._shun_until - tick, 0),
             self._gossip.state_key(tick),
         )
 
@@ -151,41 +175,55 @@ class SlotParty:
 
     def ready(self, tick: int) -> bool:
         """True if I may propose now."""
-        return self.stance is Stance.IDLE and tick >= self._cool_until and tick >= self._retry_at
+        free = self.stance is Stance.IDLE and tick >= self._cool_until and tick >= self._retry_at
+        return free and not self._full
 
     def propose(self, partner: int, tick: int) -> None:
         """Ask `partner` to exchange slots with me. IllegalSwap if engaged, cooling down or amnesiac."""
         self._check_other(partner, "propose")
+        if self._full:
+            raise IllegalSwap(f"agent {self.me} knows of as many swaps as there may be")
         if not self.ready(tick):
             raise IllegalSwap(f"pausing until tick {max(self._cool_until, self._retry_at)}")
         nonce = self._name()
         self._turn("propose")
         until = tick + self._rules.answer_ticks
-        self._deal = Deal(self.me, nonce, self.slot, partner, self.slot_of[partner], until)
+        slots = self.slot, partner, self.slot_of[partner]
+        self._deal = Deal(self.me, nonce, *slots, self.book.clock, 0, b"", tick, until)
         self.counts.proposed += 1
 
+    def may_vacate(self, dead: int) -> bool:
+        """True if this agent may take that one's slot, if it is dead."""
+        slots = self.slot_of
+        op = Swap(1, self.me, 0, slots[self.me], dead, slots[dead], taken=True)
+        return self._rules.allows(op) and len(self.book.taken_by(self.me)) < MAX_TAKEN
+
     def vacate(self, dead: int, tick: int) -> None:
-        """Take a dead agent's slot and leave it mine, at once. IllegalSwap if engaged or amnesiac."""
+        """Take a dead agent's slot and leave it mine, at once. IllegalSwap if engaged or amnesiac, or if it may not."""
         self._check_other(dead, "vacate")
-        self._commit(self._name(), dead, self.book.clock, tick)
+        if not self.may_vacate(dead):
+            raise IllegalSwap(f"agent {self.me} may not take the slot of {dead}")
+        slots, counter = self.slot_of, self.book.counter_of_taking(self.me, dead)
+        op = Swap(counter, self.me, self._name(), slots[self.me], dead, slots[dead], taken=True)
+        self._commit(Sealed(op, self._seals.seal(pack_swap(op))), tick)
         self.counts.vacated += 1
 
     def hear(self, note: SlotNote, sender: int, tick: int) -> None:
         """A neighbour's note."""
         if note.digest == self.digest and note[2:] == QUIET and self.stance is not Stance.AMNESIAC:
-            if note.settled and self._gossip.book.open:
-                self._gossip.hear(note, self.counts)
-                self._look_again(tick, adopted=False)
+            if note.settled and self.book.settled < self.book.count:
+                self._gossip.hear(note, sender, self.counts)
+                self._mirror()
             return
         if sender == self.me:
             return
         self.advance(tick)
-        adopted, known = self.counts.adopted, (self.book.digest, self.book.base)
-        self._gossip.hear(note, self.counts)
+        known, settled = self.book.digest, self.book.settled
+        self._gossip.hear(note, sender, self.counts)
         if self.stance is Stance.AMNESIAC and not self._gossip.amnesiac:
             self._turn("join")
-        if (self.book.digest, self.book.base) != known:
-            self._look_again(tick, self.counts.adopted > adopted)
+        if (self.book.digest, self.book.settled) != (known, settled):
+            self._look_again(tick)
         for answer in note.refusals:
             self._hear_refusal(answer, sender, tick)
         if note.acceptance is not None and note.acceptance.proposer == self.me:
@@ -197,21 +235,24 @@ class SlotParty:
         """Let time pass: what has waited too long is given up."""
         if self._deal is not None and tick >= self._deal.until:
             self.counts.timed_out += 1
+            if self.stance is Stance.PROMISED:
+                self._shun(self._deal.proposer, tick)
             self._part(tick)
 
     def note(self, tick: int) -> SlotNote:
         """What my next broadcast frame says. Counts as said."""
         news = self._gossip.say(tick)
         deal = self._deal
-        if news is NO_NEWS and deal is None and not self._refusals:
+        amnesiac = self._gossip.amnesiac
+        if news is NO_NEWS and deal is None and not self._refusals and not amnesiac:
             return self._quiet_note
         proposal = acceptance = None
         if deal is not None and self.stance is Stance.PROPOSING:
-            proposal = Proposal(deal.partner, deal.nonce, deal.slot, deal.partner_slot)
+            proposal = Proposal(deal.partner, deal.nonce, deal.slot, deal.partner_slot, deal.clock)
         elif deal is not None:
-            acceptance = Acceptance(deal.proposer, deal.nonce, self.book.clock)
+            acceptance = Acceptance(deal.proposer, deal.nonce, deal.counter, deal.seal)
         refusals, self._refusals = self._refusals, ()
-        settled, amnesiac = self._quiet_note.settled, self._gossip.amnesiac
+        settled = self._quiet_note.settled
         return SlotNote(self.digest, settled, amnesiac, proposal, acceptance, refusals, *news)
 
     def _check_other(self, other: int, event: str) -> None:
@@ -228,14 +269,19 @@ class SlotParty:
         self._next_nonce += 1
         return self._next_nonce
 
-    def _commit(self, nonce: int, other: int, clock: int, tick: int) -> None:
-        """Act on a swap of mine, which comes after all that count up to `clock`."""
-        slots = self.slot_of
-        op = Swap(clock + 1, self.me, nonce, slots[self.me], self.me, slots[other], other)
+    @property
+    def _full(self) -> bool:
+        return self.book.count >= self._rules.history_max
+
+    def _commit(self, swap: Sealed, tick: int) -> None:
+        """Act on a swap of mine."""
         self._deal = None
-        self._gossip.commit(op, self.counts)
+        self._gossip.commit(swap)
         self._cool_until = tick + self._rules.cooldown_ticks
-        self._look_again(tick, adopted=False)
+        self._look_again(tick)
+
+    def _shun(self, proposer: int, tick: int) -> None:
+        self._shunned, self._shun_until = proposer, tick + self._rules.cooldown_ticks
 
     def _part(self, tick: int) -> None:
         """The deal is off."""
@@ -263,10 +309,16 @@ class SlotParty:
             self._part(tick)
 
     def _hear_acceptance(self, answer: Acceptance, sender: int, tick: int) -> None:
-        deal = self._deal
+        deal, counter = self._deal, answer.counter
         if deal is not None and answer[:2] == (deal.proposer, deal.nonce) and sender == deal.partner:
+            op = deal.swap(counter)
+            text = pack_swap(op)
+            leaps = not deal.clock < counter <= self.book.clock + MAX_LEAP
+            if leaps or not self._seals.holds(sender, text, answer.seal):
+                self.counts.unsealed += 1
+                return
             self._turn("commit")
-            self._commit(deal.nonce, sender, max(self.book.clock, answer.clock), tick)
+            self._commit(Sealed(op, self._seals.seal(text) + answer.seal), tick)
             self.counts.committed += 1
         elif answer.nonce == self._given_up:
             self._refuse(self.me, answer.nonce)  # release whoever is promised to what I gave up
@@ -279,9 +331,12 @@ class SlotParty:
         crossing = self.stance is Stance.PROPOSING and deal is not None and deal.partner == sender
         if crossing and self.me > sender:
             return  # mine stands, the sender will yield
-        free = self.stance is Stance.IDLE or renewed or crossing
+        since = deal.since if renewed and deal is not None else tick
+        free = self.stance is Stance.IDLE or crossing or (renewed and tick < since + self._rules.lock_ticks)
         agreed = slots[sender] == proposal.slot and slots[self.me] == proposal.partner_slot
-        if not (free and agreed and tick >= self._cool_until):
+        shunned = sender == self._shunned and tick < self._shun_until
+        leaps = proposal.clock > self.book.clock + MAX_LEAP
+        if not (free and agreed and tick >= self._cool_until) or shunned or leaps or self._full:
             self._refuse(sender, proposal.nonce)
             return
         if self._deal is not None:
@@ -289,18 +344,22 @@ class SlotParty:
             self._part(tick)
         self._turn("accept")
         until = tick + self._rules.lock_ticks
-        self._deal = Deal(sender, proposal.nonce, proposal.slot, self.me, proposal.partner_slot, until)
+        counter = 1 + max(proposal.clock, self.book.clock)
+        deal = Deal(
+            sender, proposal.nonce, proposal.slot, self.me, proposal.partner_slot,
+            proposal.clock, counter, b"", since, until,
+        )  # fmt: skip
+        self._deal = deal._replace(seal=self._seals.seal(pack_swap(deal.swap(counter))))
         self.counts.accepted += 1
 
-    def _look_again(self, tick: int, adopted: bool) -> None:
+    def _look_again(self, tick: int) -> None:
         """After the view may have changed: what becomes of my deal, and of the swaps I acted on."""
-        slot, digest = self.slot, self.digest
         self._mirror()
-        self._count_undone(digest != self.digest, adopted and self.slot != slot)
+        self._count_undone()
         deal = self._deal
         if deal is None:
             return
-        if any(op.initiator == deal.proposer and op.nonce == deal.nonce for op in self.book.open):
+        if self.stance is Stance.PROMISED and deal.swap(deal.counter) in self.book:
             self._turn("see commit")
             self._deal = None
             self._cool_until = tick + self._rules.cooldown_ticks
@@ -311,19 +370,14 @@ class SlotParty:
                 self.counts.withdrawn += 1
             self._part(tick)
 
-    def _count_undone(self, learned: bool, moved_by_checkpoint: bool) -> None:
+    def _count_undone(self) -> None:
         book = self.book
-        for op in self._acting:
-            lost = moved_by_checkpoint and op.counter <= book.base.clock
-            self.counts.undone += lost or op in book.skipped
-        acting = book.open if learned else self._acting
-        self._acting = tuple(
-            op
-            for op in acting
-            if op.involves(self.me) and op.counter > book.base.clock and op not in book.skipped
-        )
+        mine = (op for op in book.ops if op.involves(self.me) and op not in book.skipped)
+        acting = () if self.stance is Stance.AMNESIAC else tuple(mine)
+        self.counts.undone += sum(op not in acting for op in self._acting)
+        self._acting = acting
 
     def _mirror(self) -> None:
         book = self._gossip.book
         self.digest, self.slot_of = book.digest, book.slot_of
-        self._quiet_note = SlotNote(book.digest, settled=not book.open)
+        self._quiet_note = SlotNote(book.digest, settled=book.settled == book.count)

@@ -1,17 +1,19 @@
-"""How everybody learns of every swap, and how swaps that all know are put away.
+"""How everybody learns of every swap.
 
 The rules
-    1. A swap just learned goes out in the next frame. Whoever hears a digest unlike its own repeats its open
-       swaps, newest first and then in rotation, until a few frames after it last heard one.
-    2. While swaps are open, notes say who is known to have had exactly the sender's swaps. What all have had
-       is folded: no older swap can still come, as an agent's later swaps count more than any it has had.
-       Without news of who has had them the notes fall silent, but for one frame every `ack_ticks`. These notes
-       too carry open swaps: who lacks one may hear without being heard, so that nobody hears its digest.
-    3. Whoever hears a settled note of its own digest folds too: the sender knew that all have had them. Who
-       has unlike swaps and a smaller checkpoint is sent the larger one, and takes it over.
-    4. The dead learn nothing. Of more than `open_max` open swaps the older half is folded regardless.
-    5. An amnesiac has joined when it has heard a neighbour's checkpoint and then an equal digest. Until then its swaps
-       are on their way to somebody else's, and it keeps no account of who has had them.
+    1. A swap just learned goes out in the next frame, with its seals; one that lacks a seal is not learned. Whoever hears
+       a digest unlike its own repeats its open swaps, newest first and then in rotation, until a few frames after it last
+       heard one.
+    2. While swaps are open, notes say who is known to have had exactly the sender's swaps. What all have had is settled:
+       it need not be told any more. Without news of who has had them the notes fall silent, but for one frame every
+       `ack_ticks`. These notes too carry open swaps: who lacks one may hear without being heard, so that nobody hears
+       its digest. Whoever hears a settled note of its own digest settles too.
+    3. Settled is a matter of quiet, not of memory: a swap that comes late is put in its place among the settled ones, and
+       while unlike digests are heard every frame carries a settled swap too, in rotation. So whoever says falsely what
+       others have had delays what they learn, and no more.
+    4. An amnesiac has joined when two neighbours that remember have had its digest (of two agents, one): then one of them
+       is honest, and it knows all that this one knew. Until then it keeps no account of who has had its swaps, and
+       whoever hears it fills its frames with the whole history.
 """
 
 from __future__ import annotations
@@ -19,18 +21,19 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
-from protocols.slots.history import Checkpoint, Mark, SlotBook, Swap
+from protocols.slots.history import SlotBook, Swap
 from protocols.slots.notes import SlotNote
+from protocols.slots.seals import Sealed, Seals
 from protocols.slots.settings import SwapCounts, SwapRules
+
+_WITNESSES = 2
 
 
 class News(NamedTuple):
     """The part of a note that spreads knowledge."""
 
-    mark: Mark | None = None
-    ops: tuple[Swap, ...] = ()
+    ops: tuple[Sealed, ...] = ()
     had: int = 0
-    checkpoint: Checkpoint | None = None
 
 
 NO_NEWS = News()
@@ -39,18 +42,22 @@ NO_NEWS = News()
 class SlotGossip:
     """One agent's knowledge of the swaps, and what it has yet to tell."""
 
-    def __init__(self, me: int, initial: Sequence[int], rules: SwapRules, amnesiac: bool) -> None:
+    def __init__(
+        self, me: int, initial: Sequence[int], rules: SwapRules, seals: Seals, amnesiac: bool
+    ) -> None:
         self.book = SlotBook(initial)
         self.amnesiac = amnesiac
-        self._me, self._rules = me, rules
+        self._me, self._rules, self._seals = me, rules, seals
+        self._seals_of: dict[Swap, bytes] = {}
         self._had = 0 if amnesiac else 1 << me  # bit k: agent k has had exactly my swaps
-        self._primed = False  # an amnesiac that has heard a checkpoint
+        self._witnesses: frozenset[int] = frozenset()  # who remember, and had an amnesiac's swaps
         self._fresh: tuple[Swap, ...] = ()  # learned, not yet told
         self._repair_left = 0  # notes that are still to carry swaps
+        self._teach_left = 0  # notes that are still to be filled with swaps for an amnesiac
         self._tally_left = 0  # notes that are still to say who has had them
         self._tally_at = 0  # tick
-        self._op_cursor = 0
-        self._lending = False  # the next note carries my checkpoint
+        self._open_cursor = 0
+        self._settled_cursor = 0
 
     def __copy__(self) -> SlotGossip:
         twin = SlotGossip.__new__(SlotGossip)
@@ -62,93 +69,103 @@ class SlotGossip:
         """All that decides what I do next, times counted from `tick`."""
         return (
             self.amnesiac,
-            self.book.base,
-            self.book.open,
+            self.book.ops,
+            self.book.settled,
             self._had,
-            self._primed,
+            self._witnesses,
             self._fresh,
             self._repair_left,
+            self._teach_left,
             self._tally_left,
             max(self._tally_at - tick, 0),
-            self._op_cursor,
-            self._lending,
+            self._open_cursor,
+            self._settled_cursor,
         )
 
     @property
     def quiet(self) -> bool:
-        """True if I have nothing to tell and nothing left to fold."""
-        return not (self.book.open or self._repair_left or self._lending or self.amnesiac)
+        """True if I have nothing to tell and nothing left to settle."""
+        return not (
+            self.book.settled < self.book.count or self._repair_left or self._teach_left or self.amnesiac
+        )
 
-    def commit(self, op: Swap, counts: SwapCounts) -> None:
+    def commit(self, swap: Sealed) -> None:
         """Add a swap of my own."""
-        self._learn((op,), counts)
-        self._start_tally()
+        self._enter((swap,))
 
-    def hear(self, note: SlotNote, counts: SwapCounts) -> None:
+    def hear(self, note: SlotNote, sender: int, counts: SwapCounts) -> None:
         """Merge what a neighbour says."""
         book = self.book
         if note.digest != book.digest or self.amnesiac:
-            self._merge(note, counts)
+            self._learn(note.ops, counts)
         unlike = note.digest != book.digest
-        if self.amnesiac and self._primed and not note.amnesiac and not unlike:
-            self.amnesiac = False
-            self._start_tally()
         if unlike:
             self._repair_left = self._rules.repair_frames
+        elif self.amnesiac:
+            if not note.amnesiac:
+                self._hear_witness(sender)
         elif note.settled:
-            book.fold(book.count)
-        elif not self.amnesiac:
+            book.settle()
+        else:
             self._hear_who_had(note.had)
-        behind = unlike and note.mark is not None and note.mark < book.base.mark
-        if (note.amnesiac or behind) and not self.amnesiac:
-            self._lending = True
+        if note.amnesiac and not self.amnesiac:
+            self._teach_left = self._rules.repair_frames
 
     def say(self, tick: int) -> News:
         """What the next note tells; counts as told."""
         rules, book = self._rules, self.book
-        repairing = self._repair_left > 0
-        tallying = bool(book.open and rules.ack_frames and not self.amnesiac) and (
+        repairing, teaching = self._repair_left > 0, self._teach_left > 0
+        tallying = bool(book.settled < book.count and rules.ack_frames and not self.amnesiac) and (
             self._tally_left > 0 or tick >= self._tally_at
         )
-        if not (repairing or tallying or self._lending or self.amnesiac):
+        if not (repairing or teaching or tallying):
             return NO_NEWS
-        mark = book.base.mark if repairing or self._lending or self.amnesiac else None
-        checkpoint = book.base if self._lending else None
-        self._lending = False
-        ops: tuple[Swap, ...] = ()
-        if repairing or tallying:
-            ops = self._pick_ops()
-            self._repair_left = max(self._repair_left - 1, 0)
+        settled_ones = rules.repair_per_frame if teaching else int(repairing)
+        ops = self._pick(settled_ones)
+        self._repair_left = max(self._repair_left - 1, 0)
+        self._teach_left = max(self._teach_left - 1, 0)
         if tallying:
             self._tally_left = max(self._tally_left - 1, 0)
             self._tally_at = tick + rules.ack_ticks
-        return News(mark, ops, self._had if tallying else 0, checkpoint)
+        sealed = tuple(Sealed(op, self._seals_of[op]) for op in ops)
+        return News(sealed, self._had if tallying else 0)
 
-    def _merge(self, note: SlotNote, counts: SwapCounts) -> None:
-        book, digest = self.book, self.book.digest
-        self._learn(note.ops, counts)
-        if note.checkpoint is not None:
-            self._primed = True
-            if book.adopt(note.checkpoint) and not self.amnesiac:
-                counts.adopted += 1
-        if book.digest != digest and not self.amnesiac:
-            self._start_tally()
+    def _learn(self, swaps: tuple[Sealed, ...], counts: SwapCounts) -> None:
+        """Of these, what is new and properly sealed."""
+        good = []
+        for swap in swaps:
+            if swap.op in self.book:
+                continue
+            if not (self._rules.allows(swap.op) and swap.holds(self._seals)):
+                counts.unsealed += 1
+            else:
+                good.append(swap)
+        self._enter(tuple(good))
 
-    def _learn(self, ops: tuple[Swap, ...], counts: SwapCounts) -> None:
-        book = self.book
-        new = tuple(op for op in ops if book.add(op))
+    def _enter(self, swaps: tuple[Sealed, ...]) -> None:
+        new = tuple(swap for swap in swaps if self.book.add(swap.op))
         if not new:
             return
-        self._fresh = (*new, *self._fresh)
+        told = {**self._seals_of, **dict(new)}
+        self._seals_of = {op: told[op] for op in self.book.ops}
+        fresh = (*(swap.op for swap in new), *self._fresh)
+        self._fresh = tuple(op for op in fresh if op in self._seals_of)
         self._repair_left = self._rules.repair_frames
-        self._op_cursor = 0
-        if len(book.open) > self._rules.open_max and book.fold(book.base.size + len(book.open) // 2):
-            counts.forced += 1
+        self._open_cursor = 0
+        self._witnesses = frozenset()
+        if not self.amnesiac:
+            self._start_tally()
 
     def _start_tally(self) -> None:
         """My swaps changed: as yet I know only of myself that I have had just these."""
         self._had = 1 << self._me
         self._tally_left = self._rules.ack_frames
+
+    def _hear_witness(self, sender: int) -> None:
+        self._witnesses |= {sender}
+        if len(self._witnesses) >= min(_WITNESSES, len(self.book.slot_of) - 1):
+            self.amnesiac, self._witnesses = False, frozenset()
+            self._start_tally()
 
     def _hear_who_had(self, had: int) -> None:
         had |= self._had
@@ -156,19 +173,26 @@ class SlotGossip:
             self._had = had
             self._tally_left = self._rules.ack_frames
             if had == (1 << len(self.book.slot_of)) - 1:
-                self.book.fold(self.book.count)
+                self.book.settle()
 
-    def _pick_ops(self) -> tuple[Swap, ...]:
-        """The swaps of one note: first those just learned, then the others in rotation from the newest."""
-        limit, ops = self._rules.repair_per_frame, self.book.open
-        if len(ops) <= limit:
-            self._fresh, self._op_cursor = (), 0
-            return ops[::-1]
-        unfolded = tuple(op for op in self._fresh if op.counter > self.book.base.clock)
-        picked, self._fresh = list(unfolded[:limit]), unfolded[limit:]
-        while len(picked) < limit:
-            op = ops[-1 - self._op_cursor % len(ops)]
-            self._op_cursor = (self._op_cursor + 1) % len(ops)
-            if op not in picked:
-                picked.append(op)
+    def _pick(self, settled_ones: int) -> tuple[Swap, ...]:
+        """The swaps of one note: those just learned, then the other open ones in rotation from the newest, and so many settled
+        ones at least, in rotation from the newest."""
+        limit, book = self._rules.repair_per_frame, self.book
+        settled, unsettled = book.ops[: book.settled], book.ops[book.settled :]
+        settled_ones = min(settled_ones, len(settled))
+        room = limit - min(settled_ones, 1) if unsettled else 0
+        if len(unsettled) <= room:
+            picked, self._fresh, self._open_cursor = list(unsettled[::-1]), (), 0
+        else:
+            fresh = tuple(op for op in self._fresh if op >= unsettled[0]) if unsettled else ()
+            picked, self._fresh = list(fresh[:room]), fresh[room:]
+            while len(picked) < room:
+                op = unsettled[-1 - self._open_cursor % len(unsettled)]
+                self._open_cursor = (self._open_cursor + 1) % len(unsettled)
+                if op not in picked:
+                    picked.append(op)
+        for _ in range(min(settled_ones, limit - len(picked))):
+            picked.append(settled[-1 - self._settled_cursor % len(settled)])
+            self._settled_cursor = (self._settled_cursor + 1) % len(settled)
         return tuple(picked)

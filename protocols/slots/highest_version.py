@@ -5,6 +5,8 @@ The rules
     2. Notes carry the whole assignment with (version, initiator), for as long as unlike digests are heard.
     3. Whoever hears a larger (version, initiator) adopts the assignment whole. Of two concurrent swaps,
        however far apart, one is lost.
+
+Everybody is trusted: one liar that says a high version places all drones as it likes.
 """
 
 from __future__ import annotations
@@ -15,19 +17,26 @@ from dataclasses import replace
 from hashlib import blake2b
 
 from protocols.slots.agreement import IllegalSwap, Stance
-from protocols.slots.history import Checkpoint, is_permutation
-from protocols.slots.notes import SlotNote
+from protocols.slots.history import is_permutation
+from protocols.slots.notes import Assignment, SlotNote
+from protocols.slots.seals import Seals
 from protocols.slots.settings import SwapCounts, SwapRules
 
 
 class VersionedParty:
-    """One agent's endpoint, used as `SlotParty` is. On the wire `clock` is the version, `size` the initiator.
+    """One agent's endpoint, used as `SlotParty` is; no seals are asked for.
 
     `counts.undone` counts adoptions that put this agent back to where it was before its own latest swap.
     """
 
     def __init__(
-        self, me: int, initial: Sequence[int], rules: SwapRules, nonce: int = 0, amnesiac: bool = False
+        self,
+        me: int,
+        initial: Sequence[int],
+        rules: SwapRules,
+        nonce: int = 0,
+        amnesiac: bool = False,
+        seals: Seals | None = None,
     ) -> None:
         if not 0 <= me < len(initial) or not is_permutation(initial):
             raise ValueError(f"no agent {me} in an assignment {initial}")
@@ -74,6 +83,10 @@ class VersionedParty:
         self.counts.proposed += 1
         self.counts.committed += 1
 
+    def may_vacate(self, dead: int) -> bool:
+        """Anybody may."""
+        return True
+
     def vacate(self, dead: int, tick: int) -> None:
         """Take a dead agent's slot and leave it mine, at once. IllegalSwap if amnesiac."""
         if self.stance is Stance.AMNESIAC:
@@ -85,10 +98,10 @@ class VersionedParty:
         """A neighbour's note."""
         if sender == self.me or (note.digest == self.digest and not note.amnesiac and self.quiet):
             return
-        heard = note.checkpoint
-        if heard is not None and (heard.clock, heard.size, heard.slot_of) > self._key():
+        heard = note.whole
+        if heard is not None and (heard.version, heard.initiator, heard.slot_of) > self._key():
             self.counts.undone += heard.slot_of[self.me] == self._former_slot
-            self.slot_of, self._version, self._initiator = heard.slot_of, heard.clock, heard.size
+            self.slot_of, self._version, self._initiator = heard
             self._former_slot = None
             self._spread()
         if heard is not None and not note.amnesiac and note.digest == self.digest:
@@ -105,8 +118,8 @@ class VersionedParty:
         if self._repeat_left == 0 or amnesiac:
             return SlotNote(self.digest, settled=True, amnesiac=amnesiac)
         self._repeat_left -= 1
-        whole = Checkpoint(self.slot_of, self.digest, self._version, self._initiator)
-        return SlotNote(self.digest, settled=True, checkpoint=whole)
+        whole = Assignment(self.slot_of, self._version, self._initiator)
+        return SlotNote(self.digest, settled=True, whole=whole)
 
     def _exchange(self, other: int, tick: int) -> None:
         if other == self.me or not 0 <= other < len(self.slot_of):

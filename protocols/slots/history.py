@@ -3,71 +3,62 @@
 The slot tree is fixed by the mission. What changes is the occupant of each slot, and only a swap changes it.
 
 The rules
-    1. A swap exchanges two slots' occupants and names both of them. It is never edited or removed.
-    2. Swaps are totally ordered by (counter, initiator, nonce). The counter is a Lamport clock: a new swap
-       counts one more than the largest counter its initiator knows. No initiator uses a nonce twice.
+    1. A swap exchanges two slots' occupants and names both of them. It is never edited. Either both agents agreed to it,
+       or one took the slot of another that it held for dead (`taken`).
+    2. Swaps are totally ordered by (counter, agent_a, nonce). No agent uses a nonce of its own twice.
     3. The view is the fold of all known swaps, in that order, over the initial assignment. A swap whose named
        occupants no longer hold the named slots is skipped. Hence every set of swaps gives a permutation, and
        equal sets give equal views, in whatever order they were heard.
-    4. The oldest swaps may be folded into a checkpoint. It ends between two counters, never inside one. From
-       then on a swap that counts no more than the checkpoint's clock is ignored: it is in it, or lost.
-    5. The digest is a sum of one hash for each swap ever known, so folding does not change it.
-    6. Of two checkpoints the one with the larger (size, digest) prevails. Whoever holds the other first looks
-       whether the larger one is a prefix of its own swaps: if so it folds that far and its view stays; if not
-       it adopts it whole, and of its own swaps keeps those beyond the checkpoint's clock.
+    4. Who agrees to a swap is not dead. A taken slot is skipped if the next swap that either of its two agents agreed to
+       finds that agent where it was before: no vacancy, whenever it is told of, undoes a swap that two agreed to
+       without knowing of it.
+    5. The digest is a sum of one hash for each swap known.
+    6. All swaps are kept: a liar cannot make anybody forget one. For that they must be few. Swaps of two agents are as
+       many as the honest agree to; of the slots that one agent took, the first `MAX_TAKEN` in the order are kept.
+    7. Nobody agreed to the counter of a taken slot, so one that counts more than `MAX_LEAP` beyond all that
+       was agreed is not believed before other swaps have come that far.
 """
 
 from __future__ import annotations
 
 import struct
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from hashlib import blake2b
 from typing import NamedTuple
 
 from protocols.wire.keys import MAX_AGENTS
 
+MAX_TAKEN = 16
+"""Slots of the dead that one agent may take in a flight."""
+MAX_LEAP = 1 << 20
+"""How far a counter may be ahead of what an agent knows."""
 _MASK = (1 << 64) - 1
 
 
 class Swap(NamedTuple):
-    """The occupants of two slots change places. Tuples compare in the swaps' total order."""
+    """The occupants of two slots change places: agent_a, who asked or took, and agent_b. Tuples compare in the total order."""
 
     counter: int
-    initiator: int
+    agent_a: int
     nonce: int
     slot_a: int
-    agent_a: int
-    slot_b: int
     agent_b: int
+    slot_b: int
+    taken: bool = False
 
     def involves(self, agent: int) -> bool:
         return agent in (self.agent_a, self.agent_b)
 
 
-class Mark(NamedTuple):
-    """The name of a checkpoint. Of two marks the larger tuple prevails."""
-
-    size: int
-    digest: int
-
-
-class Checkpoint(NamedTuple):
-    """Swaps already folded: the view they give, their digest, their largest counter and their number."""
-
-    slot_of: tuple[int, ...]
-    digest: int
-    clock: int
-    size: int
-
-    @property
-    def mark(self) -> Mark:
-        return Mark(self.size, self.digest)
+def pack_swap(op: Swap) -> bytes:
+    """The same bytes on every machine: what is hashed, and what is sealed."""
+    return struct.pack("<7q", *op)
 
 
 def hash_swap(op: Swap) -> int:
     """64 bits that are the same on every machine (Python's own hash is not)."""
-    return int.from_bytes(blake2b(struct.pack("<7q", *op), digest_size=8).digest(), "little")
+    return int.from_bytes(blake2b(pack_swap(op), digest_size=8).digest(), "little")
 
 
 def is_permutation(numbers: Sequence[int]) -> bool:
@@ -80,143 +71,132 @@ class SlotBook:
     `initial[agent]` is the slot an agent starts in: any permutation.
 
     To read: `slot_of` (agent -> slot) and `occupant` (slot -> agent) are the current fold; `digest`, 64 bits;
-    `open`, the swaps not yet in the checkpoint `base`, in order; `skipped`, those of them the fold skips.
+    `ops`, all swaps in order; `skipped`, those of them the fold skips; `settled`: so many of the first ones, as far as is known,
+    everybody has had (new swaps among them unsettle those after them).
     """
 
-    _sums: tuple[int, ...]  # _sums[i] is the digest of the checkpoint and the first i open swaps
-    base: Checkpoint
+    ops: tuple[Swap, ...]
+    settled: int
     digest: int
     occupant: tuple[int, ...]
-    open: tuple[Swap, ...]
     skipped: frozenset[Swap]
     slot_of: tuple[int, ...]
+    _initial: tuple[int, ...]  # agent -> slot
+    _agreed_clock: int  # the largest counter two have agreed to
 
     def __init__(self, initial: Sequence[int]) -> None:
         if not 0 < len(initial) <= MAX_AGENTS or not is_permutation(initial):
             raise ValueError(f"not an assignment of at most {MAX_AGENTS} agents to as many slots: {initial}")
-        digest = int.from_bytes(blake2b(bytes(initial), digest_size=8).digest(), "little")
-        self._start_from(Checkpoint(tuple(initial), digest, clock=0, size=0), ())
+        self.digest = int.from_bytes(blake2b(bytes(initial), digest_size=8).digest(), "little")
+        self._initial, self.settled, self._agreed_clock = tuple(initial), 0, 0
+        self._replay(())
 
     @property
     def clock(self) -> int:
         """The largest counter known."""
-        return self.open[-1].counter if self.open else self.base.clock
+        return self.ops[-1].counter if self.ops else 0
 
     @property
     def count(self) -> int:
-        """How many swaps are known, those in the checkpoint included."""
-        return self.base.size + len(self.open)
+        """How many swaps are known."""
+        return len(self.ops)
+
+    @property
+    def open(self) -> tuple[Swap, ...]:
+        """The swaps that are not settled."""
+        return self.ops[self.settled :]
 
     def copy(self) -> SlotBook:
         twin = SlotBook.__new__(SlotBook)
         twin.__dict__.update(self.__dict__)
         return twin
 
+    def __contains__(self, op: Swap) -> bool:
+        at = bisect_left(self.ops, op)
+        return at < len(self.ops) and self.ops[at] == op
+
     def add(self, op: Swap) -> bool:
-        """Learn of a swap; True if it is new. ValueError, and no change, if it names what does not exist."""
+        """Learn of a swap; True if the history has changed. ValueError, and no change, if it names what does not exist."""
         self._check(op)
-        if op.counter <= self.base.clock:
+        if op in self or (op.taken and op.counter > self._agreed_clock + MAX_LEAP):
             return False
-        if not self.open or op > self.open[-1]:
+        ops = self.ops
+        if op.taken and len(taken := self.taken_by(op.agent_a)) >= MAX_TAKEN:
+            if op > taken[-1]:
+                return False
+            ops = tuple(other for other in ops if other != taken[-1])
+            self.digest = (self.digest - hash_swap(taken[-1])) & _MASK
+        at = bisect_left(ops, op)
+        self.digest = (self.digest + hash_swap(op)) & _MASK
+        if not op.taken:
+            self._agreed_clock = max(self._agreed_clock, op.counter)
+        self.settled = min(self.settled, at)
+        if at < len(self.ops) or any(other.taken for other in ops):
+            self._replay((*ops[:at], op, *ops[at:]))
+        else:
             self._append(op)
-            return True
-        at = bisect_left(self.open, op)
-        if self.open[at] == op:
-            return False
-        self._start_from(self.base, (*self.open[:at], op, *self.open[at:]))
         return True
 
-    def prefix_digest(self, count: int) -> int | None:
-        """Digest of the first `count` swaps; None where the checkpoint begins later or fewer are known."""
-        index = count - self.base.size
-        return self._sums[index] if 0 <= index < len(self._sums) else None
+    def settle(self) -> None:
+        """As far as is known everybody has had these swaps."""
+        self.settled = len(self.ops)
 
-    def has_prefix(self, mark: Mark) -> bool:
-        """True if a checkpoint of this name holds exactly my first swaps and ends between two counters."""
-        if self.prefix_digest(mark.size) != mark.digest:
-            return False
-        return self._ends_cleanly(mark.size - self.base.size)
+    def taken_by(self, agent: int) -> list[Swap]:
+        """The slots of the dead that an agent took, in order."""
+        return [op for op in self.ops if op.taken and op.agent_a == agent]
 
-    def fold(self, count: int) -> int:
-        """Move the first `count` swaps into the checkpoint, fewer if that would part equal counters.
+    def counter_of_taking(self, agent: int, dead: int) -> int:
+        """What the taking of a dead agent's slot should count: more than what was agreed, or was taken from these two.
 
-        Returns how many moved. View, digest, clock and count stay as they are.
+        Not more than whatever is known: else whoever takes with the largest counter possible would keep all others from it.
         """
-        index = min(count - self.base.size, len(self.open))
-        while index > 0 and not self._ends_cleanly(index):
-            index -= 1
-        if index <= 0:
-            return 0
-        done, self.open = self.open[:index], self.open[index:]
-        slot_of = self.slot_of
-        if self.open:
-            occupant = list(_inverse(self.base.slot_of))
-            _replay(occupant, done)
-            slot_of = _inverse(occupant)
-        self.base = Checkpoint(slot_of, self._sums[index], done[-1].counter, self.base.size + index)
-        self._sums = self._sums[index:]
-        self.skipped = self.skipped.difference(done)
-        return index
-
-    def adopt(self, checkpoint: Checkpoint) -> bool:
-        """Take over a checkpoint that prevails over mine; one that does not changes nothing.
-
-        True if it was no prefix of my swaps, so that some of mine up to its clock may be lost.
-        """
-        if len(checkpoint.slot_of) != len(self.slot_of) or not is_permutation(checkpoint.slot_of):
-            raise ValueError("a checkpoint is a permutation of the same agents")
-        if checkpoint.mark <= self.base.mark:
-            return False
-        if self.has_prefix(checkpoint.mark):
-            self.fold(checkpoint.size)
-            return False
-        self._start_from(checkpoint, tuple(op for op in self.open if op.counter > checkpoint.clock))
-        return True
+        taken = [op.counter for op in self.ops if op.taken and (op.involves(agent) or op.involves(dead))]
+        return 1 + max([self._agreed_clock, *taken])
 
     def _check(self, op: Swap) -> None:
-        n = len(self.slot_of)
-        named = (op.initiator, op.slot_a, op.agent_a, op.slot_b, op.agent_b)
+        n = len(self._initial)
+        named = (op.agent_a, op.slot_a, op.agent_b, op.slot_b)
         if not all(0 <= number < n for number in named):
             raise ValueError(f"no such agent or slot among {n}: {op}")
         if op.slot_a == op.slot_b or op.agent_a == op.agent_b or op.counter < 1 or op.nonce < 0:
             raise ValueError(f"not a swap: {op}")
 
-    def _ends_cleanly(self, index: int) -> bool:
-        return index in (0, len(self.open)) or self.open[index - 1].counter < self.open[index].counter
-
     def _append(self, op: Swap) -> None:
         """The common case: the swap comes after all known ones, so the fold goes on from where it stands."""
-        self.open = (*self.open, op)
-        self.digest = (self.digest + hash_swap(op)) & _MASK
-        self._sums = (*self._sums, self.digest)
+        self.ops = (*self.ops, op)
         occupant = list(self.occupant)
-        if _replay(occupant, (op,)):
+        if _apply(occupant, op):
+            self.occupant, self.slot_of = tuple(occupant), _inverse(occupant)
+        else:
             self.skipped = self.skipped | {op}
-        else:
-            self.occupant = tuple(occupant)
-            self.slot_of = _inverse(occupant)
 
-    def _start_from(self, base: Checkpoint, ops: tuple[Swap, ...]) -> None:
-        self.base, self.open = base, ops
-        sums = [base.digest]
-        for op in ops:
-            sums.append((sums[-1] + hash_swap(op)) & _MASK)
-        self._sums, self.digest = tuple(sums), sums[-1]
-        occupant = list(_inverse(base.slot_of))
-        self.skipped = frozenset(_replay(occupant, ops))
-        self.occupant = tuple(occupant)
-        self.slot_of = _inverse(occupant)
+    def _replay(self, ops: tuple[Swap, ...]) -> None:
+        """Fold these from the start."""
+        void = _void(ops)
+        occupant = list(_inverse(self._initial))
+        self.ops = ops
+        self.skipped = frozenset(op for op in ops if op in void or not _apply(occupant, op))
+        self.occupant, self.slot_of = tuple(occupant), _inverse(occupant)
 
 
-def _replay(occupant: list[int], ops: Iterable[Swap]) -> list[Swap]:
-    """Fold ordered swaps into `occupant` in place; returns those that were skipped."""
-    skipped = []
-    for op in ops:
-        if occupant[op.slot_a] == op.agent_a and occupant[op.slot_b] == op.agent_b:
-            occupant[op.slot_a], occupant[op.slot_b] = op.agent_b, op.agent_a
-        else:
-            skipped.append(op)
-    return skipped
+def _void(ops: Sequence[Swap]) -> frozenset[Swap]:
+    """The takings that the next agreed swap of either agent knows nothing of."""
+    found_in: dict[int, int] = {}  # agent -> the slot in which its next agreed swap finds it
+    void = []
+    for op in reversed(ops):
+        if not op.taken:
+            found_in[op.agent_a], found_in[op.agent_b] = op.slot_a, op.slot_b
+        elif found_in.get(op.agent_a) == op.slot_a or found_in.get(op.agent_b) == op.slot_b:
+            void.append(op)
+    return frozenset(void)
+
+
+def _apply(occupant: list[int], op: Swap) -> bool:
+    """Fold one swap into `occupant` in place; False if it is skipped."""
+    if occupant[op.slot_a] != op.agent_a or occupant[op.slot_b] != op.agent_b:
+        return False
+    occupant[op.slot_a], occupant[op.slot_b] = op.agent_b, op.agent_a
+    return True
 
 
 def _inverse(permutation: Sequence[int]) -> tuple[int, ...]:

@@ -2,10 +2,10 @@
 
 The rules
     1. A quiet note is the digest and whether all its swaps are in the sender's checkpoint: 11 bytes.
-    2. Any other note is a list of ten fields in the order of `SlotNote`; an absent one is None or empty.
+    2. Any other note is a list of nine fields in the order of `SlotNote`; an absent one is None or empty.
     3. A note from the air is believed only if every number in it is a whole number in its range, every list
-       is within its limit, and every swap and checkpoint could exist among the mission's agents. Otherwise
-       `decode` raises ValueError.
+       is within its limit, every seal is as long as one, and every swap and assignment could exist among the
+       mission's agents. Otherwise `decode` raises ValueError. Whether the seals hold is for the party to find out.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from collections.abc import Callable, Sequence
 from reprlib import repr as shown  # of what strangers send, however long or deep
 from typing import Any, NamedTuple, TypeVar
 
-from protocols.slots.history import Checkpoint, Mark, Swap, is_permutation
+from protocols.slots.history import Swap, is_permutation
+from protocols.slots.seals import SEAL_BYTES, Sealed
 
 MAX_OPS = 16
 """Swaps in one note, at most."""
 MAX_REFUSALS = 8
 """Refusals in one note, at most; whoever gets none asks again in its next frame."""
 
-_COUNTER_END = 1 << 48
+_COUNTER_END = 1 << 56
 _NONCE_END = 1 << 56
 _DIGEST_END = 1 << 64
 
@@ -29,12 +30,14 @@ T = TypeVar("T")
 
 
 class Proposal(NamedTuple):
-    """The sender, in `slot`, asks `partner`, in `partner_slot`, to change places. No nonce is used twice."""
+    """The sender, in `slot`, asks `partner`, in `partner_slot`, to change places. No nonce is used twice. The swap must count
+    more than `clock`, all that the sender knew when it asked."""
 
     partner: int
     nonce: int
     slot: int
     partner_slot: int
+    clock: int
 
 
 class Refusal(NamedTuple):
@@ -45,20 +48,28 @@ class Refusal(NamedTuple):
 
 
 class Acceptance(NamedTuple):
-    """The sender is promised to that proposal. The swap will count more than `clock`, all it knows."""
+    """The sender is promised to that proposal, as a swap of this `counter`, on which it has put its `seal`."""
 
     proposer: int
     nonce: int
-    clock: int
+    counter: int
+    seal: bytes
+
+
+class Assignment(NamedTuple):
+    """Who is in which slot, all of it, after so many changes, the last by `initiator`: protocols.slots.highest_version only."""
+
+    slot_of: tuple[int, ...]
+    version: int
+    initiator: int
 
 
 class SlotNote(NamedTuple):
     """What one frame says about slots.
 
-    `settled`: all swaps of `digest` are in the sender's checkpoint. `amnesiac`: the sender restarted, knows
-    nothing and asks for a checkpoint. `refusals` are said by the one asked, or by the proposer itself to
-    release the one promised. `mark` names the sender's checkpoint. `had`: bit k says that agent k has had
-    exactly the swaps of `digest`.
+    `settled`: as far as the sender knows everybody has had all swaps of `digest`. `amnesiac`: the sender restarted,
+    knows nothing and asks for the history. `refusals` are said by the one asked, or by the proposer itself to
+    release the one promised. `had`: bit k says that agent k has had exactly the swaps of `digest`.
     """
 
     digest: int
@@ -67,10 +78,9 @@ class SlotNote(NamedTuple):
     proposal: Proposal | None = None
     acceptance: Acceptance | None = None
     refusals: tuple[Refusal, ...] = ()
-    mark: Mark | None = None
-    ops: tuple[Swap, ...] = ()
+    ops: tuple[Sealed, ...] = ()
     had: int = 0
-    checkpoint: Checkpoint | None = None
+    whole: Assignment | None = None
 
     @property
     def quiet(self) -> bool:
@@ -79,17 +89,20 @@ class SlotNote(NamedTuple):
 
 
 QUIET: tuple[object, ...] = SlotNote(0, settled=True)[2:]
-"""The last eight fields of a quiet note."""
+"""The last seven fields of a quiet note."""
 
 
 def encode(note: SlotNote) -> tuple[Any, ...]:
     """The note as msgpack can write it."""
     if note[2:] == QUIET:
         return (note.digest, int(note.settled))
-    checkpoint = note.checkpoint
-    packed = None if checkpoint is None else (bytes(checkpoint.slot_of), *checkpoint[1:])
+    whole = note.whole
+    packed = None if whole is None else (bytes(whole.slot_of), *whole[1:])
+    ops = [
+        (*op[:-1], seals) for op, seals in note.ops
+    ]  # the number of its seals says whether the slot was taken
     had = note.had.to_bytes((note.had.bit_length() + 7) // 8, "little")
-    return (note.digest, int(note.settled), int(note.amnesiac), *note[3:8], had, packed)
+    return (note.digest, int(note.settled), int(note.amnesiac), *note[3:6], ops, had, packed)
 
 
 def quiet_note(digest: int) -> tuple[int, int]:
@@ -109,15 +122,15 @@ def quiet_digest(obj: object) -> int | None:
 def decode(obj: object, n_agents: int) -> SlotNote:
     """The note that `encode` wrote, as msgpack read it. ValueError for what `encode` would not write."""
     fields = _list(obj)
-    if len(fields) not in (2, 10):
-        raise ValueError(f"a note has 2 or 10 fields, not {len(fields)}")
+    if len(fields) not in (2, 9):
+        raise ValueError(f"a note has 2 or 9 fields, not {len(fields)}")
     digest, settled = _int(fields[0], _DIGEST_END), bool(_int(fields[1], 2))
     if len(fields) == 2:
         return SlotNote(digest, settled)
-    amnesiac, proposal, acceptance, refusals, mark, ops, had, checkpoint = fields[2:]
+    amnesiac, proposal, acceptance, refusals, ops, had, whole = fields[2:]
 
     def read_proposal(item: object) -> Proposal:
-        read = Proposal(*_ints(item, (n_agents, _NONCE_END, n_agents, n_agents)))
+        read = Proposal(*_ints(item, (n_agents, _NONCE_END, n_agents, n_agents, _COUNTER_END)))
         if read.slot == read.partner_slot:
             raise ValueError(f"a proposal to change a slot with itself: {read}")
         return read
@@ -126,23 +139,24 @@ def decode(obj: object, n_agents: int) -> SlotNote:
         return Refusal(*_ints(item, (n_agents, _NONCE_END)))
 
     def read_acceptance(item: object) -> Acceptance:
-        return Acceptance(*_ints(item, (n_agents, _NONCE_END, _COUNTER_END)))
+        *numbers, seal = _list(item)
+        proposer, nonce, counter = _ints(numbers, (n_agents, _NONCE_END, _COUNTER_END))
+        return Acceptance(proposer, nonce, counter, _seals(seal, (1,)))
 
-    def read_mark(item: object) -> Mark:
-        return Mark(*_ints(item, (_COUNTER_END, _DIGEST_END)))
-
-    def read_swap(item: object) -> Swap:
-        ends = (_COUNTER_END, n_agents, _NONCE_END, n_agents, n_agents, n_agents, n_agents)
-        op = Swap(*_ints(item, ends))
+    def read_swap(item: object) -> Sealed:
+        *numbers, seals = _list(item)
+        sealed = _seals(seals, (1, 2))
+        counter, *who = _ints(numbers, (_COUNTER_END, n_agents, _NONCE_END, n_agents, n_agents, n_agents))
+        op = Swap._make([counter, *who, len(sealed) == SEAL_BYTES])
         if op.counter < 1 or op.slot_a == op.slot_b or op.agent_a == op.agent_b:
             raise ValueError(f"not a swap: {op}")
-        return op
+        return Sealed(op, sealed)
 
-    def read_checkpoint(item: object) -> Checkpoint:
+    def read_whole(item: object) -> Assignment:
         slot_of, *rest = _list(item)
         if type(slot_of) is not bytes or len(slot_of) != n_agents or not is_permutation(slot_of):
-            raise ValueError("a checkpoint is a permutation of all slots, one byte each")
-        return Checkpoint(tuple(slot_of), *_ints(rest, (_DIGEST_END, _COUNTER_END, _COUNTER_END)))
+            raise ValueError("an assignment is a permutation of all slots, one byte each")
+        return Assignment(tuple(slot_of), *_ints(rest, (_COUNTER_END, n_agents)))
 
     return SlotNote(
         digest,
@@ -151,10 +165,9 @@ def decode(obj: object, n_agents: int) -> SlotNote:
         _maybe(proposal, read_proposal),
         _maybe(acceptance, read_acceptance),
         _several(refusals, MAX_REFUSALS, read_refusal),
-        _maybe(mark, read_mark),
         _several(ops, MAX_OPS, read_swap),
         _agents(had, n_agents),
-        _maybe(checkpoint, read_checkpoint),
+        _maybe(whole, read_whole),
     )
 
 
@@ -168,6 +181,12 @@ def _agents(value: object, n_agents: int) -> int:
     if type(value) is bytes and len(value) <= (n_agents + 7) // 8:
         return _int(int.from_bytes(value, "little"), 1 << n_agents)
     raise ValueError(f"not a set of {n_agents} agents: {shown(value)}")
+
+
+def _seals(value: object, numbers: tuple[int, ...]) -> bytes:
+    if type(value) is bytes and len(value) in [number * SEAL_BYTES for number in numbers]:
+        return value
+    raise ValueError(f"not seals: {shown(value)}")
 
 
 def _list(value: object) -> Sequence[object]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from protocols.slots.history import Swap
 from protocols.slots.notes import MAX_OPS
 
 
@@ -27,14 +28,20 @@ class SwapRules:
     """Notes that go on saying who has had the swaps after the last news of it. 0: none, and no folding."""
     ack_ticks: int = 5
     """While swaps are open, nobody is silent about who has had them for longer than this."""
-    open_max: int = 512
-    """More open swaps than this are folded without waiting for everybody."""
+    history_max: int = 4096
+    """Who knows as many swaps as this agrees to no more."""
+    leaders: tuple[int, ...] = ()
+    """leaders[slot]: the slot above it, which only its occupant may take from the dead. Empty: anyone may take any."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.repair_per_frame <= MAX_OPS:
             raise ValueError(f"a note holds 1 to {MAX_OPS} swaps, not {self.repair_per_frame}")
-        if self.repair_frames < 1 or self.open_max < 2:
-            raise ValueError("repair takes a frame at least, and two open swaps must have room")
+        if self.repair_frames < 1:
+            raise ValueError("repair takes a frame at least")
+
+    def allows(self, op: Swap) -> bool:
+        """False for the taking of a slot by one who does not follow it."""
+        return not (op.taken and self.leaders) or self.leaders[op.slot_a] == op.slot_b
 
 
 @dataclass
@@ -56,7 +63,5 @@ class SwapCounts:
     """Slots of dead agents taken here."""
     undone: int = 0
     """Swaps acted on here that a later merge turned off."""
-    forced: int = 0
-    """Folds made here without waiting for everybody."""
-    adopted: int = 0
-    """Checkpoints taken over here that were no prefix of the swaps known; not counting an amnesiac's."""
+    unsealed: int = 0
+    """Swaps and acceptances heard here that lacked a seal, or could not be."""

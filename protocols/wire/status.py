@@ -15,8 +15,7 @@ SWAP_COUNTS = (
     "timed_out",
     "vacated",
     "undone",
-    "forced",
-    "adopted",
+    "unsealed",
 )
 
 

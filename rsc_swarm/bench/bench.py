@@ -25,6 +25,7 @@ from agent.slot_endpoints import make_endpoint
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.slots.agreement import encode
+from protocols.slots.seals import Stamps
 from rsc_swarm.bench.batch import bench_batch
 from rsc_swarm.bench.echo import bare_echo
 from rsc_swarm.flight.launch import Launched, launch
@@ -234,7 +235,7 @@ def _batch(agents: int) -> dict[str, Any]:
 
 def _protocol(agents: int) -> dict[str, Any]:
     """What the slot protocol costs while nothing changes: CPU per agent and tick (four neighbours heard), bytes per frame."""
-    party = make_endpoint(Mission(agents=agents), 0, list(range(agents)), 0)
+    party = make_endpoint(Mission(agents=agents), 0, list(range(agents)), 0, Stamps(0))
     note = party.note(0)
     spans = []
     for tick in range(2000):

@@ -68,8 +68,7 @@ class SwapTotals(_Part):
     timed_out: int = Field(description="proposals and promises that waited in vain")
     vacated: int = Field(description="slots of dead drones taken over")
     undone: int = Field(description="swaps acted on that a later merge turned off")
-    forced: int = Field(description="folds of the swap history without waiting for everybody")
-    adopted: int = Field(description="foreign checkpoints of the swap history taken over")
+    unsealed: int = Field(description="swaps heard that lacked the seal of one of their drones, and did not count")
 
 
 class WatchCounts(_Part):

@@ -100,9 +100,9 @@ def _times(factor: float) -> str:
 
 def _history(report: FlightReport) -> str:
     swaps = report.swaps
-    if not (swaps.undone or swaps.forced):
+    if not (swaps.undone or swaps.unsealed):
         return ""
-    return f"{swaps.undone} swaps undone by a merge, {swaps.forced} folds forced"
+    return f"{swaps.undone} swaps undone by a merge, {swaps.unsealed} without their seals refused"
 
 
 def _swaps(report: FlightReport) -> str:

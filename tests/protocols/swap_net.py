@@ -14,7 +14,7 @@ from typing import NamedTuple
 import msgpack
 
 from protocols.slots.agreement import IllegalSwap, SlotNote, SlotParty, Stance, SwapRules, decode, encode
-from protocols.slots.history import Checkpoint, Swap
+from protocols.slots.history import Swap
 
 QUICK = SwapRules(
     cooldown_ticks=3,
@@ -37,16 +37,23 @@ class Packet(NamedTuple):
 
 
 class Swarm:
-    """N parties, the air between them, and a clock that the test advances."""
+    """N parties, the air between them, and a clock that the test advances.
 
-    def __init__(self, n: int, rules: SwapRules = QUICK) -> None:
-        self.n, self.rules, self.tick = n, rules, 0
+    `liar` says whatever the test makes it say (`lie`); nothing is asked of it.
+    """
+
+    def __init__(self, n: int, rules: SwapRules = QUICK, liar: int | None = None) -> None:
+        self.n, self.rules, self.tick, self.liar = n, rules, 0, liar
         self.endpoints = [SlotParty(agent, range(n), rules) for agent in range(n)]
         self.boots = [0] * n
         self.alive = set(range(n))
         self.links = {(a, b) for a in range(n) for b in range(n) if a != b}
         self.air: list[Packet] = []
         self.oracle = Oracle(self)
+
+    @property
+    def honest(self) -> list[SlotParty]:
+        return [party for agent, party in enumerate(self.endpoints) if agent != self.liar]
 
     @property
     def living(self) -> list[SlotParty]:
@@ -66,6 +73,18 @@ class Swarm:
         self.air += [Packet(agent, other, note) for other in range(self.n) if (agent, other) in self.links]
         return note
 
+    def lie(self, note: SlotNote, listeners: Iterable[int]) -> None:
+        """The liar says this, to these only, whom it reaches at once; what cannot be said is not heard."""
+        assert self.liar is not None
+        try:
+            note = decode(msgpack.unpackb(msgpack.packb(encode(note))), self.n)
+        except (ValueError, OverflowError):
+            return
+        for listener in listeners:
+            if listener in self.alive and listener != self.liar:
+                self.endpoints[listener].hear(note, self.liar, self.tick)
+                self.oracle.look()
+
     def whisper(self, agent: int, listener: int) -> None:
         """One broadcast that only `listener` hears, at once."""
         before = len(self.air)
@@ -80,7 +99,7 @@ class Swarm:
         src, dst, note = self.air[index] if keep else self.air.pop(index)
         if dst in self.alive:
             self.endpoints[dst].hear(note, src, self.tick)
-            self.oracle.look(note)
+            self.oracle.look()
 
     def drop(self, index: int) -> None:
         del self.air[index]
@@ -144,86 +163,118 @@ class Swarm:
 
 
 class Oracle:
-    """Knows which swaps each party has learned, and holds every party to it after every step.
+    """Knows which swaps each honest party has learned, and holds them to it after every step.
 
     The view is a permutation, and is what an independent fold of exactly the known swaps gives.
-    The digest is the sum over exactly those swaps, whatever has been folded; so is a checkpoint's.
-    A swap was agreed to by both, unless it took a dead agent's slot. No nonce was used twice.
-    What is in a checkpoint has been known to every agent, unless somebody folded by force.
-    A swap acted on is undone only by an earlier swap just learned, or by a checkpoint that was adopted.
+    The digest is the sum over exactly those swaps. What a party has learned it keeps until it restarts, but for slots that
+    the liar took too often.
+    Both have agreed to a swap, unless it took a slot; the honest take those of the dead only. The honest use no nonce twice.
+    A swap acted on is undone only by one just learned, and one that two agreed to only by such another, and earlier.
+    A swap of two honest agents is undone only if one of them is `exposed`.
+    No deal outlasts two promises.
     """
 
     def __init__(self, swarm: Swarm) -> None:
         self._swarm = swarm
         self.ever: set[Swap] = set()
         self.known: list[frozenset[Swap]] = [frozenset()] * swarm.n
-        self._knew: list[frozenset[Swap]] = [frozenset()] * swarm.n  # what was forgotten included
-        self._forced = False
-        self._start = swarm.endpoints[0].book.base
-        self._swaps_in = {self._start: frozenset[Swap]()}
-        self._base = [self._start] * swarm.n
+        self.undone = 0
+        self._start = swarm.endpoints[0].digest
         self._seen: list[object] = [None] * swarm.n
-        self._agreed: set[tuple[int, int, int]] = set()
+        self._bound: dict[int, Swap] = {}  # who is promised, and to what
+        self._promised: set[tuple[int, Swap]] = set()
+        self._lapsed: set[int] = set()  # who gave a promise up
+        self._restarted: set[int] = set()
 
     def forget(self, agent: int) -> None:
         """The agent restarted."""
-        self.known[agent], self._base[agent], self._seen[agent] = frozenset(), self._start, None
+        self.known[agent], self._seen[agent] = frozenset(), None
+        self._restarted.add(agent)
 
-    def look(self, heard: SlotNote | None = None) -> None:
-        """Check everybody, after a step in which one party heard this note."""
+    def look(self) -> None:
+        """Check everybody."""
         for agent, party in enumerate(self._swarm.endpoints):
-            deal = party.deal
-            if deal is not None and party.stance is Stance.PROMISED:
-                self._agreed.add((deal.proposer, deal.nonce, agent))
-            signature = (party.book.base, party.digest, party.counts.undone, party.counts.adopted)
+            if agent == self._swarm.liar:
+                continue
+            self._watch_promises(agent, party)
+            signature = (party.book.ops, party.counts.undone)
             if signature != self._seen[agent]:
-                self._check(agent, party, heard)
+                self._check(agent, party)
                 self._seen[agent] = signature
 
-    def _check(self, agent: int, party: SlotParty, heard: SlotNote | None) -> None:
-        book, before = party.book, self.known[agent]
-        if book.base not in self._swaps_in:
-            self._swaps_in[book.base] = self._trace(agent, book.base, heard)
-        now = self._swaps_in[book.base] | set(book.open)
-        self.known[agent], self._base[agent] = now, book.base
-        self._knew[agent] |= now
-        self._forced |= any(other.counts.forced for other in self._swarm.endpoints)
-        if not self._forced:
-            assert all(self._swaps_in[book.base] <= knew for knew in self._knew), "folded too early"
-        assert sorted(party.slot_of) == list(range(self._swarm.n)), "not a permutation"
-        assert party.slot_of == fold(now, self._swarm.n), "the view is not the fold of the swaps"
+    def _watch_promises(self, agent: int, party: SlotParty) -> None:
+        deal, before = party.deal, self._bound.pop(agent, None)
+        if deal is not None and party.stance is Stance.PROMISED:
+            self._bound[agent] = deal.swap(deal.counter)
+            self._promised.add((agent, self._bound[agent]))
+        if before is not None and before != self._bound.get(agent) and before not in party.book:
+            self._lapsed.add(agent)
+        late = deal is not None and self._swarm.tick > deal.since + 2 * self._swarm.rules.lock_ticks
+        assert not late or agent not in self._swarm.alive, "a deal without end"
+
+    def _check(self, agent: int, party: SlotParty) -> None:
+        n, liar, before, now = self._swarm.n, self._swarm.liar, self.known[agent], frozenset(party.book.ops)
+        self.known[agent] = now
+        assert all(op.taken and op.agent_a == liar for op in before - now), "a swap was forgotten"
+        assert sorted(party.slot_of) == list(range(n)), "not a permutation"
+        slot_of, skipped = fold(now, n)
+        assert party.slot_of == slot_of, "the view is not the fold of the swaps"
         assert party.digest == self._digest(now), "the digest is not that of the swaps"
         for op in now - self.ever:
-            took_dead = op.agent_b not in self._swarm.alive
-            assert took_dead or (op.initiator, op.nonce, op.agent_b) in self._agreed, f"never agreed: {op}"
-            assert all(old[1:3] != op[1:3] for old in self.ever), "a nonce was used twice"
+            if op.agent_a != liar:
+                assert op in self._swarm.endpoints[op.agent_a].book, f"the proposer never agreed: {op}"
+                assert not op.taken or op.agent_b not in self._swarm.alive, f"taken from the living: {op}"
+                assert all(old[1:3] != op[1:3] for old in self.ever), "a nonce was used twice"
+            if not op.taken and op.agent_b != liar:
+                assert (op.agent_b, op) in self._promised, f"the partner never agreed: {op}"
             self.ever.add(op)
-        _, _, undone, adopted = self._seen[agent] or (None, None, 0, 0)
-        if party.counts.undone > undone and party.counts.adopted == adopted:
-            acted = [op for op in before if op.involves(agent)]
-            assert any(new < op for op in acted for new in now - before), "undone without an earlier swap"
+        _, skipped_before = fold(before, n)
+        for op in skipped & (before - skipped_before):
+            self.undone += 1
+            assert any(op.taken or (new < op and not new.taken) for new in now - before), (
+                "undone without a cause"
+            )
+            exposed = self.exposed(before - skipped_before)
+            assert op.taken or exposed & {op.agent_a, op.agent_b}, f"undone among the honest: {op}"
 
-    def _trace(self, agent: int, base: Checkpoint, heard: SlotNote | None) -> frozenset[Swap]:
-        """The swaps in a new checkpoint, folded on from its owner's last one or from one just heard."""
-        candidates = self.known[agent].union(heard.ops if heard else ())
-        froms = [self._base[agent], *([heard.checkpoint] if heard and heard.checkpoint else [])]
-        for start in froms:
-            added = (op for op in candidates if start.clock < op.counter <= base.clock)
-            swaps = self._swaps_in[start].union(added)
-            if self._digest(swaps) == base.digest:
-                assert base.slot_of == fold(swaps, self._swarm.n), "a checkpoint that is no fold of its swaps"
-                return swaps
-        raise AssertionError("a checkpoint of unknown swaps")
+    def exposed(self, acted_on: Iterable[Swap]) -> set[int]:
+        """The liar; who ever agreed to a swap with it, gave up a promise, restarted, or agreed to a swap from a slot into which a
+        vacancy had brought it; and whoever swapped with one of these."""
+        found = {*self._lapsed, *self._restarted, *([] if self._swarm.liar is None else [self._swarm.liar])}
+        found |= {agent for agent, op in self._promised if op.agent_a == self._swarm.liar}
+        agreed = sorted(op for op in acted_on if not op.taken)
+        at = list(range(self._swarm.n))
+        for op in agreed:
+            for who, slot, other in ((op.agent_a, op.slot_a, op.slot_b), (op.agent_b, op.slot_b, op.slot_a)):
+                if at[who] != slot:
+                    found.add(who)
+                at[who] = other
+        pairs = [{op.agent_a, op.agent_b} for op in agreed]
+        while more := {who for pair in pairs if found & pair for who in pair} - found:
+            found |= more
+        return found
 
     def _digest(self, ops: Iterable[Swap]) -> int:
         hashes = (int.from_bytes(blake2b(pack("<7q", *op), digest_size=8).digest(), "little") for op in ops)
-        return (self._start.digest + sum(hashes)) % 2**64
+        return (self._start + sum(hashes)) % 2**64
 
 
-def fold(ops: Iterable[Swap], n: int) -> tuple[int, ...]:
-    """agent -> slot, from every agent in the slot of its own number."""
-    slot_of = list(range(n))
-    for op in sorted(ops):
-        if slot_of[op.agent_a] == op.slot_a and slot_of[op.agent_b] == op.slot_b:
+def fold(ops: Iterable[Swap], n: int) -> tuple[tuple[int, ...], frozenset[Swap]]:
+    """agent -> slot, from every agent in the slot of its own number; and which swaps were skipped."""
+    slot_of, skipped, order = list(range(n)), set(), sorted(ops)
+    for place, op in enumerate(order):
+        later = [other for other in order[place + 1 :] if not other.taken]
+        found = [
+            next((_slot(other, who) for other in later if other.involves(who)), None)
+            for who in (op.agent_a, op.agent_b)
+        ]
+        unknown = op.taken and (found[0] == op.slot_a or found[1] == op.slot_b)
+        if not unknown and slot_of[op.agent_a] == op.slot_a and slot_of[op.agent_b] == op.slot_b:
             slot_of[op.agent_a], slot_of[op.agent_b] = op.slot_b, op.slot_a
-    return tuple(slot_of)
+        else:
+            skipped.add(op)
+    return tuple(slot_of), frozenset(skipped)
+
+
+def _slot(op: Swap, agent: int) -> int:
+    return op.slot_a if agent == op.agent_a else op.slot_b

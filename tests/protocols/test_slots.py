@@ -6,12 +6,17 @@ import random
 
 import pytest
 
-from protocols.slots.history import Checkpoint, Mark, SlotBook, Swap, hash_swap
+from protocols.slots.history import MAX_LEAP, MAX_TAKEN, SlotBook, Swap, hash_swap
 
 
 def swap(counter: int, a: int, b: int, slot_a: int, slot_b: int, nonce: int = 1) -> Swap:
     """Agents a (the initiator) and b exchange their slots."""
-    return Swap(counter, a, nonce, slot_a, a, slot_b, b)
+    return Swap(counter, a, nonce, slot_a, b, slot_b)
+
+
+def take(counter: int, a: int, dead: int, slot_a: int, slot_b: int, nonce: int = 1) -> Swap:
+    """Agent a takes the slot of a dead one."""
+    return Swap(counter, a, nonce, slot_a, dead, slot_b, taken=True)
 
 
 NEAR = swap(1, 0, 1, 0, 1)
@@ -72,7 +77,7 @@ def test_every_set_of_swaps_gives_a_permutation_and_equal_sets_equal_views() -> 
         ops = []
         for serial in range(draw.randint(0, 8)):
             (a, b), (s, t) = draw.sample(range(n), 2), draw.sample(range(n), 2)
-            ops.append(Swap(draw.randint(1, 4), a, serial, s, a, t, b))
+            ops.append(Swap(draw.randint(1, 4), a, serial, s, b, t, draw.random() < 0.4))
         one, other = book_of(*ops, n=n), book_of(*draw.sample(ops, len(ops)), n=n)
         assert sorted(one.slot_of) == list(range(n))
         assert (one.slot_of, one.digest, one.skipped) == (other.slot_of, other.digest, other.skipped)
@@ -82,13 +87,13 @@ def test_every_set_of_swaps_gives_a_permutation_and_equal_sets_equal_views() -> 
 @pytest.mark.parametrize(
     "wrong",
     [
-        Swap(1, 4, 1, 0, 0, 1, 1),
-        Swap(1, 0, 1, -1, 0, 1, 1),
-        Swap(1, 0, 1, 0, 0, 4, 1),
-        Swap(1, 0, 1, 0, 0, 1, 9),
-        Swap(1, 0, 1, 1, 0, 1, 1),
-        Swap(1, 0, 1, 0, 0, 1, 0),
-        Swap(0, 0, 1, 0, 0, 1, 1),
+        Swap(1, 4, 1, 0, 1, 1),
+        Swap(1, 0, 1, -1, 1, 1),
+        Swap(1, 0, 1, 0, 1, 4),
+        Swap(1, 0, 1, 0, 9, 1),
+        Swap(1, 0, 1, 1, 1, 1),
+        Swap(1, 0, 1, 0, 0, 1),
+        Swap(0, 0, 1, 0, 1, 1),
     ],
 )
 def test_a_swap_of_what_does_not_exist_is_an_error_and_changes_nothing(wrong: Swap) -> None:
@@ -110,101 +115,72 @@ def test_books_of_another_start_differ() -> None:
 
 
 def test_the_digest_is_the_same_on_every_machine() -> None:
-    assert hash_swap(NEAR) == 0x51E09AB14F11268B
+    assert hash_swap(NEAR) == 0xEB9CC73334BFD552
     assert SlotBook(range(3)).digest == 0x36A4A06801C279E8
 
 
-def test_folding_changes_neither_view_nor_digest() -> None:
-    book, plain = book_of(NEAR, FAR, THEN), book_of(NEAR, FAR, THEN)
-    assert book.fold(2) == 2
-    assert book.open == (THEN,)
-    assert book.base == Checkpoint((1, 0, 3, 2), book_of(NEAR, FAR).digest, clock=1, size=2)
-    same = ("slot_of", "occupant", "digest", "clock", "count")
-    assert all(getattr(book, name) == getattr(plain, name) for name in same)
-    assert not book.add(NEAR), "a folded swap is known"
-
-
-def test_a_checkpoint_never_parts_equal_counters() -> None:
-    book = book_of(NEAR, FAR, THEN)
-    assert book.fold(1) == 0
-    assert book.fold(99) == 3
+def test_settling_changes_neither_view_nor_digest_and_forgets_nothing() -> None:
+    book, plain = book_of(NEAR, FAR), book_of(NEAR, FAR)
+    book.settle()
     assert book.open == ()
+    for one in (book, plain):
+        one.add(THEN)
+    assert book.open == (THEN,)
+    same = ("slot_of", "occupant", "digest", "clock", "count", "ops")
+    assert all(getattr(book, name) == getattr(plain, name) for name in same)
+    assert not book.add(NEAR)
 
 
-def test_a_swap_older_than_the_checkpoint_is_ignored() -> None:
+def test_a_swap_that_comes_late_unsettles_those_after_it() -> None:
     book = book_of(NEAR, THEN)
-    book.fold(2)
-    digest = book.digest
-    assert not book.add(FAR)
-    assert book.digest == digest
-
-
-def test_a_later_swap_goes_on_from_the_checkpoint() -> None:
-    book = book_of(NEAR, FAR)
-    book.fold(2)
-    book.add(THEN)
+    book.settle()
+    assert book.add(FAR)
+    assert book.open == (FAR, THEN)
     assert book.slot_of == book_of(NEAR, FAR, THEN).slot_of
 
 
-def test_a_larger_checkpoint_that_is_a_prefix_only_folds() -> None:
-    ahead, behind = book_of(NEAR, FAR), book_of(NEAR, FAR, THEN)
-    ahead.fold(2)
-    assert behind.has_prefix(ahead.base.mark)
-    assert not behind.adopt(ahead.base)
-    assert behind.base == ahead.base
-    assert behind.slot_of == book_of(NEAR, FAR, THEN).slot_of
+# Slots of the dead
 
 
-def test_a_foreign_checkpoint_is_adopted_whole() -> None:
-    book, other = book_of(FAR, THEN), book_of(NEAR)
-    other.fold(1)
-    assert book.adopt(other.base)
-    assert book.base == other.base
-    assert book.open == (THEN,), "only what counts more than the checkpoint is kept"
-    assert book.skipped == {THEN}
-    assert not other.has_prefix(Mark(1, book_of(FAR).digest))
+def test_a_slot_is_taken() -> None:
+    assert book_of(take(1, 1, 0, 1, 0), take(2, 2, 0, 2, 1)).slot_of == (2, 0, 1, 3)
 
 
-def test_a_checkpoint_that_parts_my_equal_counters_is_foreign() -> None:
-    book, other = book_of(NEAR, FAR, THEN), book_of(NEAR)
-    other.fold(1)
-    assert book.prefix_digest(1) == other.base.digest
-    assert not book.has_prefix(other.base.mark)
-    assert book.adopt(other.base)
-    assert book.open == (THEN,)
+def test_what_was_taken_does_not_undo_what_was_agreed() -> None:
+    """Agent 0 was not dead: it has agreed to a swap since, or at the same moment. Whenever that is heard, the swap holds."""
+    for counter in (1, 2, 3):
+        taken, agreed = take(counter, 1, 0, 1, 0), swap(2, 0, 3, 0, 3)
+        for book in (book_of(taken, agreed), book_of(agreed, taken)):
+            assert book.slot_of == (3, 1, 2, 0)
+            assert book.skipped == {taken}
 
 
-def test_equal_checkpoints_change_nothing() -> None:
-    book, other = book_of(NEAR, FAR), book_of(NEAR, FAR)
-    book.fold(2)
-    other.fold(2)
-    assert not book.adopt(other.base)
+def test_a_taker_that_has_agreed_to_another_swap_from_its_old_place_has_not_taken_it() -> None:
+    backdated, agreed = take(1, 1, 0, 1, 0), swap(2, 1, 2, 1, 2)
+    assert book_of(agreed, backdated).skipped == {backdated}
 
 
-def test_of_two_checkpoints_the_larger_prevails() -> None:
-    book, smaller = book_of(NEAR, FAR), book_of(THEN)
-    book.fold(2)
-    smaller.fold(1)
-    assert not book.adopt(smaller.base)
-    assert book.slot_of == (1, 0, 3, 2)
-    assert smaller.adopt(book.base)
-    assert smaller.slot_of == (1, 0, 3, 2)
+def test_who_comes_back_and_agrees_to_a_swap_from_its_new_place_has_lost_its_old_one() -> None:
+    ops = take(1, 1, 0, 1, 0), take(2, 2, 0, 2, 1), swap(3, 0, 3, 2, 3)
+    assert book_of(*ops).slot_of == (3, 0, 1, 2)
+    assert book_of(*ops).skipped == frozenset()
 
 
-def test_of_two_checkpoints_of_one_size_the_larger_digest_prevails() -> None:
-    one, other = book_of(NEAR), book_of(FAR)
-    for book in (one, other):
-        book.fold(1)
-    bases = {one.base, other.base}
-    assert one.adopt(other.base) != other.adopt(one.base)
-    assert one.base == other.base == max(bases, key=lambda base: base.mark)
+def test_of_the_slots_that_one_agent_took_the_first_count_in_whatever_order_they_are_heard() -> None:
+    draw = random.Random(3)
+    ops = [take(counter, 1, 0, 1, 0, nonce=counter) for counter in range(1, 2 * MAX_TAKEN)]
+    books = [book_of(*draw.sample(ops, len(ops))) for _ in range(20)]
+    assert {book.ops for book in books} == {tuple(ops[:MAX_TAKEN])}
+    assert {book.digest for book in books} == {book_of(*ops[:MAX_TAKEN]).digest}
 
 
-def test_a_checkpoint_must_be_a_permutation() -> None:
-    book = book_of(NEAR)
-    with pytest.raises(ValueError, match="permutation"):
-        book.adopt(Checkpoint((0, 0, 1, 2), 5, clock=9, size=9))
-    assert book.slot_of == (1, 0, 2, 3)
+def test_nobody_takes_a_slot_in_the_far_future() -> None:
+    absurd, far = take(2**56 - 1, 1, 0, 1, 0), take(MAX_LEAP, 1, 0, 1, 0)
+    assert not book_of().add(absurd)
+    assert book_of(far).clock == MAX_LEAP
+    book = book_of(far)
+    assert book.counter_of_taking(3, 2) == 1, "who has nothing to do with it need not count more"
+    assert book.counter_of_taking(3, 0) == MAX_LEAP + 1
 
 
 def test_a_copy_goes_its_own_way() -> None:

@@ -7,20 +7,23 @@ from typing import Any
 import msgpack
 import pytest
 
-from protocols.slots.history import Checkpoint, Mark, Swap
-from protocols.slots.notes import Acceptance, Proposal, Refusal, SlotNote, decode, encode
+from protocols.slots.history import Swap
+from protocols.slots.notes import Acceptance, Assignment, Proposal, Refusal, SlotNote, decode, encode
+from protocols.slots.seals import SEAL_BYTES, Sealed
 
 FULL = SlotNote(
     digest=2**64 - 1,
     settled=False,
     amnesiac=True,
-    proposal=Proposal(1, 7, 0, 1),
-    acceptance=Acceptance(2, 9, 4),
+    proposal=Proposal(1, 7, 0, 1, 3),
+    acceptance=Acceptance(2, 9, 4, bytes(SEAL_BYTES)),
     refusals=(Refusal(1, 3),),
-    mark=Mark(2, 5),
-    ops=(Swap(3, 0, 1, 0, 0, 1, 1),),
+    ops=(
+        Sealed(Swap(3, 0, 1, 0, 1, 1), bytes(2 * SEAL_BYTES)),
+        Sealed(Swap(4, 2, 1, 0, 1, 1, True), bytes(SEAL_BYTES)),
+    ),
     had=0b101,
-    checkpoint=Checkpoint((2, 0, 1), 6, clock=1, size=1),
+    whole=Assignment((2, 0, 1), version=6, initiator=1),
 )
 
 
@@ -29,6 +32,7 @@ def test_notes_survive_the_air(note: SlotNote) -> None:
     assert decode(msgpack.unpackb(msgpack.packb(encode(note))), 3) == note
 
 
+ONE, BOTH = bytes(SEAL_BYTES), bytes(2 * SEAL_BYTES)
 WRONG: list[tuple[int, Any]] = [
     (0, -1),
     (0, 2**64),
@@ -37,29 +41,38 @@ WRONG: list[tuple[int, Any]] = [
     (1, 2),
     (1, None),
     (2, 2),
-    (3, [1, 7, 0]),
-    (3, [3, 7, 0, 1]),
-    (3, [1, 7, 1, 1]),
-    (3, "abcd"),
-    (3, [1, True, 0, 1]),
-    (4, [3, 9, 4]),
-    (4, [2, 9]),
+    (3, [1, 7, 0, 1]),
+    (3, [3, 7, 0, 1, 3]),
+    (3, [1, 7, 1, 1, 3]),
+    (3, [1, 7, 0, 1, 2**56]),
+    (3, "abcde"),
+    (3, [1, True, 0, 1, 3]),
+    (4, [3, 9, 4, ONE]),
+    (4, [2, 9, 4]),
+    (4, [2, 9, 4, ONE[1:]]),
+    (4, [2, 9, 4, BOTH]),
+    (4, [2, 9, 4, None]),
+    (4, []),
     (5, None),
     (5, [[1, 3]] * 9),
-    (6, [2, -5]),
-    (7, [[0, 0, 1, 0, 0, 1, 1]]),
-    (7, [[3, 0, 1, 0, 0, 0, 1]]),
-    (7, [[3, 0, 1, 0, 0, 3, 1]]),
-    (7, [[3, 0, 1, 0, 0, 1, 1]] * 17),
-    (7, [[2**48, 0, 1, 0, 0, 1, 1]]),
-    (8, 5),
-    (8, b"\x08"),
-    (8, b"\1\0"),
-    (9, []),
-    (9, [b"\0\0\1", 6, 1, 1]),
-    (9, [b"\0\1", 6, 1, 1]),
-    (9, [[0, 1, 2], 6, 1, 1]),
-    (9, [b"\0\1\2", 6, 1]),
+    (6, [[0, 0, 1, 0, 1, 1, BOTH]]),
+    (6, [[3, 0, 1, 0, 0, 1, BOTH]]),
+    (6, [[3, 0, 1, 0, 3, 1, BOTH]]),
+    (6, [[3, 0, 1, 1, 1, 1, BOTH]]),
+    (6, [[3, 0, 1, 0, 1, 1, BOTH]] * 17),
+    (6, [[2**56, 0, 1, 0, 1, 1, BOTH]]),
+    (6, [[3, 0, 1, 0, 1, 1]]),
+    (6, [[3, 0, 1, 0, 1, 1, b""]]),
+    (6, [[3, 0, 1, 0, 1, 1, BOTH + ONE]]),
+    (6, [[]]),
+    (7, 5),
+    (7, b"\x08"),
+    (7, b"\1\0"),
+    (8, []),
+    (8, [b"\0\0\1", 6, 1]),
+    (8, [b"\0\1", 6, 1]),
+    (8, [[0, 1, 2], 6, 1]),
+    (8, [b"\0\1\2", 6]),
 ]
 
 

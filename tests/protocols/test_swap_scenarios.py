@@ -100,7 +100,7 @@ class Transcript:
         for party in self.swarm.living:
             slots = " ".join(str(agent) for agent in party.book.occupant)
             book = party.book
-            view = f"occupants of slots 0, 1, ...: {slots}   swaps {book.count}, not folded {len(book.open)}"
+            view = f"occupants of slots 0, 1, ...: {slots}   swaps {book.count}, not settled {book.count - book.settled}"
             seen.setdefault(view, []).append(str(party.me))
         for view, who in seen.items():
             self._write(f"{' '.join(who)}: {view}")
@@ -121,7 +121,7 @@ def snapshot(party: SlotParty) -> dict[str, object]:
         "bond": bond,
         "slot": party.slot,
         "amnesiac": party.stance is Stance.AMNESIAC,
-        "folded": book.base.size,
+        "settled": book.settled,
         "skips": set(book.skipped),
         **vars(party.counts),
     }
@@ -135,8 +135,7 @@ def events(before: dict[str, object], after: dict[str, object]) -> list[str]:
         "committed": "hears yes, and commits",
         "vacated": "closes ranks",
         "undone": "goes back on a swap: an earlier one by the order has come to light",
-        "forced": "folds without waiting for everybody",
-        "adopted": "takes over a checkpoint that it could not have made itself",
+        "unsealed": "does not believe a swap that lacks a seal",
     }
     lines = [text for name, text in told.items() if after[name] > before[name]]  # type: ignore[operator]
     if after["bond"] != before["bond"] and after["bond"]:
@@ -147,8 +146,8 @@ def events(before: dict[str, object], after: dict[str, object]) -> list[str]:
         lines.append("remembers nothing" if after["amnesiac"] else "knows again who is where, and joins")
     if after["skips"] - before["skips"]:  # type: ignore[operator]
         lines.append("skips a swap whose slots had changed hands")
-    if after["folded"] > before["folded"] and not before["amnesiac"]:  # type: ignore[operator]
-        lines.append(f"folds: {after['folded']} in the checkpoint")
+    if after["settled"] > before["settled"] and not before["amnesiac"]:  # type: ignore[operator]
+        lines.append(f"settles: everybody has had {after['settled']} swaps")
     return lines
 
 
@@ -162,14 +161,12 @@ def in_words(note: SlotNote) -> str:
     if note.acceptance:
         said.append(f"I accept {note.acceptance.proposer}'s proposal")
     said += [f"no to {refusal.proposer}'s proposal" for refusal in note.refusals]
-    for op in note.ops:
+    for op, _ in note.ops:
         slots = f"{op.agent_a} and {op.agent_b}, slots {op.slot_a} and {op.slot_b}"
-        said.append(f"swap {op.counter} by {op.initiator}: {slots}")
+        said.append(f"swap {op.counter} by {op.agent_a}: {slots}")
     if note.had:
         who = [str(agent) for agent in range(note.had.bit_length()) if note.had >> agent & 1]
         said.append(f"{' '.join(who)} had just these swaps")
-    if note.checkpoint:
-        said.append(f"a checkpoint of {note.checkpoint.size}")
     return "says: " + ("; ".join(said) or "nothing new")
 
 
