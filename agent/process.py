@@ -9,9 +9,13 @@ from agent.core import AgentCore, Inputs
 from agent.ports import Body, Clock, Radio
 from agent.radio.air import Air
 from agent.radio.hearing import Hearing
+from agent.slot_endpoints import SealsOf
 from protocols.kernels import release_compiler
 from protocols.mission.document import Mission, parse_briefing
+from protocols.slots.seals import Stamps
 from protocols.wire import messages
+from protocols.wire.keys import LinkError
+from protocols.wire.login import SealKeys
 from protocols.wire.messages import Tick
 from protocols.wire.sensed import SensedPacker, empty_sensed
 from protocols.wire.status import AgentStatus, is_due
@@ -29,14 +33,16 @@ class Drone:
         body: Body,
         radio: Radio,
         rehearsal: bool = False,
+        seals_of: SealsOf = Stamps,
     ) -> None:
-        """Drone ``me`` of a swarm that starts in ``initial_slots``, one byte per drone; ``boot``: how often it was restarted.
+        """Drone ``me`` of a swarm that starts in ``initial_slots``, one byte per drone; ``boot``: how often it was restarted;
+        ``seals_of``: as agent.core.AgentCore.
 
         Raises:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
         """
         initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
-        self._core = AgentCore(mission, [me], initial, messages.MAX_HEARD, boot, rehearsal)
+        self._core = AgentCore(mission, [me], initial, messages.MAX_HEARD, boot, rehearsal, seals_of)
         self._body, self._radio = body, radio
         self._air = Air(mission.swarm, mission.agents, messages.MAX_HEARD + 1)
         self._hearing = Hearing(self._air, me, mission.agents)
@@ -83,12 +89,28 @@ def rehearse(mission: Mission) -> None:
     release_compiler()
 
 
+def _seals_of(keys: SealKeys | None, agents: int, flight: bytes) -> SealsOf:
+    """Raises LinkError if these are the keys of a smaller swarm."""
+    if keys is None:
+        return Stamps
+    if len(keys.public_keys) < agents:
+        raise LinkError(
+            f"a login of a swarm of {len(keys.public_keys)} drones, not of {agents}: use this swarm's own"
+        )
+    from protocols.slots.signatures import Signatures  # not needed, nor loaded, in a simulation
+
+    public = [bytes.fromhex(key) for key in keys.public_keys[:agents]]
+    signatures = Signatures(bytes.fromhex(keys.private_key), public, flight)
+    return lambda agent: signatures
+
+
 def fly(
     link: Link,
     agent: int,
     policy: str,
     leaving: Callable[[], bool],
     silence_s: float = messages.SILENCE_LIMIT_S,
+    seals: SealKeys | None = None,
 ) -> Ending:
     """Take part in a flight in a relayed world as drone ``agent`` until it is over; return why it ended.
 
@@ -96,6 +118,7 @@ def fly(
         policy: what it flies. That is decided here and never by the world, so no network chooses what code runs.
         silence_s: leave when the world has said nothing for this long. Counted in this process's own running time: a pause of it
             is no silence of the world.
+        seals: this drone's. Without, it believes what anybody says of the swaps of others.
 
     Raises:
         protocols.wire.keys.LinkError: the world refuses this process.
@@ -105,7 +128,9 @@ def fly(
     welcome = clock.join()
     if welcome is not None:
         mission = parse_briefing(welcome.briefing, policy)
-        drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, clock.world, clock.world)
+        seals_of = _seals_of(seals, mission.agents, welcome.flight)
+        world = clock.world
+        drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, world, world, seals_of=seals_of)
         drone.fly(clock)
         clock.leave(drone.status())
     assert clock.ending is not None

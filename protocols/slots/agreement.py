@@ -36,9 +36,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from copy import copy
 from dataclasses import replace
-from enum import Enum
-from typing import NamedTuple
 
+from protocols.slots.deal import TURNS, Deal, IllegalSwap, Stance
 from protocols.slots.gossip import NO_NEWS, SlotGossip
 from protocols.slots.history import MAX_LEAP, MAX_TAKEN, SlotBook, Swap, pack_swap
 from protocols.slots.notes import MAX_REFUSALS, QUIET, Acceptance, Proposal, Refusal, SlotNote, decode, encode
@@ -48,50 +47,6 @@ from protocols.slots.settings import SwapCounts, SwapRules
 __all__ = ["IllegalSwap", "SlotNote", "SlotParty", "Stance", "SwapCounts", "SwapRules", "decode", "encode"]
 
 _NONCES_PER_BOOT = 1 << 24
-
-
-class Stance(Enum):
-    """What a party is bound to."""
-
-    IDLE = "idle"
-    PROPOSING = "waiting for the answer to a proposal"
-    PROMISED = "promised to another's proposal"
-    AMNESIAC = "amnesiac"
-
-
-TURNS: dict[tuple[Stance, str], Stance] = {
-    (Stance.IDLE, "propose"): Stance.PROPOSING,
-    (Stance.IDLE, "vacate"): Stance.IDLE,
-    (Stance.IDLE, "accept"): Stance.PROMISED,
-    (Stance.PROPOSING, "commit"): Stance.IDLE,
-    (Stance.PROPOSING, "give up"): Stance.IDLE,
-    (Stance.PROMISED, "see commit"): Stance.IDLE,
-    (Stance.PROMISED, "let go"): Stance.IDLE,
-    (Stance.AMNESIAC, "join"): Stance.IDLE,
-}
-
-
-class IllegalSwap(RuntimeError):
-    """The party cannot do this now. Nothing changed."""
-
-
-class Deal(NamedTuple):
-    """The one swap a party is engaged in, as the proposer or as its partner."""
-
-    proposer: int
-    nonce: int
-    slot: int
-    partner: int
-    partner_slot: int
-    clock: int  # all that the proposer knew when it asked
-    counter: int  # named by the partner; 0: not yet
-    seal: bytes  # of the partner; empty: not yet
-    since: int  # tick of the first proposal, if it was renewed
-    until: int  # tick
-
-    def swap(self, counter: int) -> Swap:
-        """What it comes to."""
-        return Swap(counter, self.proposer, self.nonce, self.slot, self.partner, self.partner_slot)
 
 
 class SlotParty:

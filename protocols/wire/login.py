@@ -24,6 +24,20 @@ class Certificates:
     private_key: str = field(repr=False)
 
 
+SealKey = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+@dataclass(frozen=True)
+class SealKeys:
+    """With what a drone seals the swaps it agrees to, and knows the seals of others (protocols.slots.signatures): Ed25519 keys.
+
+    public_keys: agent i's is number i.
+    """
+
+    private_key: SealKey = field(repr=False)
+    public_keys: tuple[SealKey, ...]
+
+
 @dataclass(frozen=True)
 class Login:
     """All an agent must have, besides an endpoint. Its secrets do not show when it is printed."""
@@ -32,6 +46,7 @@ class Login:
     agent: int
     password: Password = field(repr=False)
     certificates: Certificates | None = None
+    seals: SealKeys | None = None
 
     def to_json(self) -> str:
         return to_json(_LOGIN, self)

@@ -30,6 +30,7 @@ SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
 )
 MAX_HEARD = 1024  # frames one drone can be handed in one tick: of 249 others, some late and some twice
+FLIGHT_BYTES = 8
 MAX_PROCESS = MAX_PROOF = 2**32 - 1
 MAX_FROM_DRONE = 4096  # bytes: the longest frame, the account of one of 250 drones, and some room
 # What a drone says holds lists of numbers and byte strings, and nothing else.
@@ -68,12 +69,14 @@ class Farewell(NamedTuple):
 
 
 class Welcome(NamedTuple):
-    """``briefing``: as Mission.briefing. ``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted."""
+    """``briefing``: as Mission.briefing. ``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted.
+    ``flight``: drawn for each flight; what a drone seals is good in this one only."""
 
     process: int
     briefing: dict[str, Any]
     initial_slots: bytes
     boot: int
+    flight: bytes
 
 
 class Tick(NamedTuple):
@@ -210,7 +213,9 @@ def unpack_from_world(data: bytes) -> FromWorld:
             raise MessageError("what is sensed is bytes")
         return Tick(tick, proof, followed, (own, near, obstacles), sources, heard)
     if kind is Welcome:
-        _typed(fields, int, dict, bytes, int)
+        _typed(fields, int, dict, bytes, int, bytes)
+        if len(fields[4]) != FLIGHT_BYTES:
+            raise MessageError("not a flight's name")
         return Welcome(*fields)
     if kind is Wait:
         return Wait()

@@ -76,6 +76,10 @@ def fly_agent(
         rsc_swarm.machine.limits.MachineError: the machine gives too little.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
+    if login.seals is None:
+        raise RunBroken(
+            f"agent {login.agent}: its login has no keys to seal swaps with; make new ones as this one was made"
+        )
     make_room(1)
     rehearse(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
     service = Service()
@@ -88,7 +92,7 @@ def fly_agent(
 
             with AgentLink(endpoint, login, leaving=leaving) as link:
                 on_ready(time.time() - psutil.Process().create_time())
-                reason = fly(link, login.agent, policy, leaving)
+                reason = fly(link, login.agent, policy, leaving, seals=login.seals)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:

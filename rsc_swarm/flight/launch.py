@@ -87,7 +87,8 @@ def _agent(agent: int, endpoint: str, login: Login, policy: str) -> None:
     leave = leave_on_sigterm()
     try:
         with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
-            print(f"agent {agent}: {fly(link, agent, policy, lambda: leave.asked, math.inf)}", flush=True)
+            over = fly(link, agent, policy, lambda: leave.asked, math.inf, login.seals)
+            print(f"agent {agent}: {over}", flush=True)
     except PolicyError as error:
         print(f"{_POLICY_SAID}{error}", flush=True)
         raise SystemExit(_POLICY_WENT_WRONG) from None

@@ -68,7 +68,9 @@ class SwapTotals(_Part):
     timed_out: int = Field(description="proposals and promises that waited in vain")
     vacated: int = Field(description="slots of dead drones taken over")
     undone: int = Field(description="swaps acted on that a later merge turned off")
-    unsealed: int = Field(description="swaps heard that lacked the seal of one of their drones, and did not count")
+    unsealed: int = Field(
+        description="swaps heard that lacked the seal of one of their drones, and did not count"
+    )
 
 
 class WatchCounts(_Part):

@@ -35,7 +35,7 @@ from tests.loopback import Hosted
 
 MISSION = parse_mission({"agents": 6})
 ME, TAG = 2, swarm_tag("rsc")
-WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0)
+WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0, bytes(8))
 POLICY = "rsc-h20"
 
 

@@ -36,7 +36,7 @@ FROM_DRONE = [
     Farewell(7, STATUS),
 ]
 FROM_WORLD = [
-    Welcome(7, {"agents": 6}, bytes(6), 1),
+    Welcome(7, {"agents": 6}, bytes(6), 1, bytes(8)),
     Tick(3, 9, 2, (b"a", b"b", b""), b"\x01", [b"frame"]),
     Wait(),
     Bye(),

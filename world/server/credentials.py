@@ -9,12 +9,13 @@ from typing import NamedTuple
 from pydantic import TypeAdapter
 
 from protocols.wire.keys import MAX_AGENTS, checked_swarm, user
-from protocols.wire.login import Certificates, Login, Password, from_json, to_json
+from protocols.wire.login import Certificates, Login, Password, SealKeys, from_json, to_json
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """Of one swarm: ``passwords[i]`` is agent ``i``'s; certificates: the world's own, for ``tls`` and ``quic``.
+    """Of one swarm: ``passwords[i]`` is agent ``i``'s; certificates: the world's own, for ``tls`` and ``quic``. seals: only
+    where the logins of the drones are still to be made: the world itself seals nothing.
 
     Its secrets do not show when it is printed.
     """
@@ -22,17 +23,20 @@ class Credentials:
     swarm: str
     passwords: tuple[Password, ...] = field(repr=False)
     certificates: Certificates | None = None
+    seals: tuple[SealKeys, ...] | None = field(default=None, repr=False)
 
     @staticmethod
     def fresh(swarm: str, agents: int) -> "Credentials":
-        """New passwords for agents 0 to ``agents - 1``, from the operating system's randomness."""
+        """New passwords and seals for agents 0 to ``agents - 1``, from the operating system's randomness."""
         if not 1 <= agents <= MAX_AGENTS:
             raise ValueError(f"a swarm has 1 to {MAX_AGENTS} agents, not {agents}")
-        return Credentials(checked_swarm(swarm), tuple(secrets.token_urlsafe(24) for _ in range(agents)))
+        passwords = tuple(secrets.token_urlsafe(24) for _ in range(agents))
+        return Credentials(checked_swarm(swarm), passwords, seals=_fresh_seals(agents))
 
     def login(self, agent: int, certificates: Certificates | None = None) -> Login:
         """Agent ``agent``'s, with its own certificates if it has some."""
-        return Login(self.swarm, agent, self.passwords[agent], certificates)
+        seals = self.seals[agent] if self.seals else None
+        return Login(self.swarm, agent, self.passwords[agent], certificates, seals)
 
     def dictionary(self) -> str:
         """The router's list of logins, one ``user:password`` per line."""
@@ -53,6 +57,14 @@ class Credentials:
 
             checked_certificates(credentials.certificates, WORLD)
         return credentials
+
+
+def _fresh_seals(agents: int) -> tuple[SealKeys, ...]:
+    from protocols.slots.signatures import KEY_BYTES, public_key  # loaded only where keys are made or used
+
+    private = [secrets.token_bytes(KEY_BYTES) for _ in range(agents)]
+    public = tuple(public_key(key).hex() for key in private)
+    return tuple(SealKeys(key.hex(), public) for key in private)
 
 
 _CREDENTIALS = TypeAdapter(Credentials)

@@ -1,5 +1,6 @@
 """The world's voice to single drones: never more than a pipe has room for. Who is welcomed, and who is refused."""
 
+import secrets
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -12,12 +13,13 @@ _UNKNOWN = "the world does not know this process: it has been started anew"
 
 
 class Reception:
-    """For the drones behind ``peers``; ``briefing`` and ``initial_slots`` as in Welcome."""
+    """For the drones behind ``peers``, in one flight; ``briefing`` and ``initial_slots`` as in Welcome."""
 
     def __init__(
         self, link: Link, peers: Sequence[Peer], briefing: dict[str, Any], initial_slots: bytes
     ) -> None:
         self._link, self._peers, self._briefing, self._initial_slots = link, peers, briefing, initial_slots
+        self._flight = secrets.token_bytes(messages.FLIGHT_BYTES)
         self._refused: set[int] = set()
 
     def send(self, agent: int, message: messages.FromWorld) -> None:
@@ -37,7 +39,8 @@ class Reception:
         peer = self._peers[agent]
         if not peer.knock(hello.process, now_s, paused) or peer.ready:
             return False
-        self.send(agent, messages.Welcome(hello.process, self._briefing, self._initial_slots, peer.boot))
+        told = self._briefing, self._initial_slots, peer.boot, self._flight
+        self.send(agent, messages.Welcome(hello.process, *told))
         return True
 
     def refuse(self, agent: int, process: int) -> None:
