@@ -42,19 +42,21 @@ def notes() -> Named:
     good, deep = msgpack.unpackb(list(seeds.notes())[2]), 1
     for _ in range(400):
         deep = [deep]  # type: ignore[assignment]
-    swap = good[7][0]
+    swap, seal = good[6][0], good[4][3]
     for name, place, value in (
         ("a-nested-digest", 0, deep), ("proposal-of-two-numbers", 3, [1, 2]),
-        ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3]),
-        ("clock-at-its-end", 4, [2, 5, 2**48 - 1]), ("clock-beyond-its-end", 4, [2, 5, 2**48]),
+        ("a-truth-for-a-number", 1, True), ("proposal-to-its-own-slot", 3, [1, 2, 3, 3, 0]),
+        ("counter-at-its-end", 4, [2, 5, 2**56 - 1, seal]), ("counter-beyond-its-end", 4, [2, 5, 2**56, seal]),
+        ("half-a-seal", 4, [2, 5, 9, seal[:32]]), ("seal-is-a-number", 4, [2, 5, 9, 5]), ("no-acceptance", 4, []),
         ("too-many-refusals", 5, [[1, 2]] * 9),
-        ("counter-zero", 7, [_with(swap, 0, 0)]), ("too-many-swaps", 7, [swap] * 17),
-        ("swap-with-itself", 7, [_with(swap, 5, swap[3])]),
-        ("set-of-more-than-all", 8, b"\xff"), ("set-of-too-many-bytes", 8, bytes(2)), ("set-is-a-number", 8, 5),
-        ("checkpoint-not-a-permutation", 9, [bytes(AGENTS), 1, 2, 3]), ("checkpoint-of-other-agents", 9, [bytes(5), 1, 2, 3]),
+        ("counter-zero", 6, [_with(swap, 0, 0)]), ("too-many-swaps", 6, [swap] * 17),
+        ("swap-with-itself", 6, [_with(swap, 4, swap[1])]), ("three-seals", 6, [_with(swap, 6, 3 * seal)]),
+        ("no-swap", 6, [[]]),
+        ("set-of-more-than-all", 7, b"\xff"), ("set-of-too-many-bytes", 7, bytes(2)), ("set-is-a-number", 7, 5),
+        ("assignment-not-a-permutation", 8, [bytes(AGENTS), 1, 2]), ("assignment-of-other-agents", 8, [bytes(5), 1, 2]),
     ):  # fmt: skip
         yield name, packed(_with(good, place, value))
-    yield "nine-fields", packed(good[:9])
+    yield "eight-fields", packed(good[:8])
 
 
 def frames() -> Named:
@@ -128,10 +130,11 @@ def from_world() -> Named:
         ("sensed-is-nothing", {"sensed": None}), ("heard-is-a-mapping", {"heard": {}}),
     ):  # fmt: skip
         yield name, made(Tick, **{**tick, **change})
-    welcome = {"process": 7, "initial_slots": b"", "boot": 0}
+    welcome = {"process": 7, "initial_slots": b"", "boot": 0, "flight": bytes(8)}
     yield "mission-of-a-list", made(Welcome, **welcome, mission={"agents": [3]})
     yield "mission-with-a-long-text", made(Welcome, **welcome, mission={"policy": "a" * 5000})
     yield "mission-is-text", made(Welcome, **welcome, mission="x")
+    yield "flight-is-too-short", made(Welcome, **{**welcome, "flight": bytes(7)}, mission={})
     yield "refusal-is-a-number", made(Refused, process=7, why=5)
     yield "what-a-drone-says", made(Ready, process=7)
     yield "kind-unknown", packed([99])

@@ -16,8 +16,9 @@ import numpy as np
 
 from protocols.mission.document import Mission
 from protocols.mission.reading import write_yaml
-from protocols.slots.history import Checkpoint, Mark, Swap
-from protocols.slots.notes import Acceptance, Proposal, Refusal, SlotNote, encode
+from protocols.slots.history import Swap
+from protocols.slots.notes import Acceptance, Assignment, Proposal, Refusal, SlotNote, encode
+from protocols.slots.seals import SEAL_BYTES, Sealed
 from protocols.wire import messages
 from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE, REASONS, FrameCodec, empty_frames, swarm_tag
 from protocols.wire.login import Login
@@ -50,15 +51,17 @@ FLOWN = Mission(agents=2)
 TODAY = datetime(2026, 1, 1, tzinfo=UTC)
 ADDRESS = "10.0.0.1"
 
-_SWAP = Swap(3, 1, 77, 0, 1, 2, 3)
+_SWAP = Swap(3, 1, 77, 0, 2, 3)
+_TAKEN = _SWAP._replace(counter=4, taken=True)
+_SEAL = bytes(range(SEAL_BYTES))
 _NOTES = (
     SlotNote(0x1234567890ABCDEF, settled=True),
     SlotNote(1, settled=False),
     SlotNote(
-        2, False, True, Proposal(1, 2**40, 0, 3), Acceptance(2, 5, 9), (Refusal(1, 2), Refusal(0, 3)), Mark(4, 5),
-        (_SWAP, _SWAP._replace(counter=4)), 0b101011, Checkpoint(tuple(range(AGENTS)), 1, 2, 3),
+        2, False, True, Proposal(1, 2**40, 0, 3, 8), Acceptance(2, 5, 9, _SEAL), (Refusal(1, 2), Refusal(0, 3)),
+        (Sealed(_SWAP, 2 * _SEAL), Sealed(_TAKEN, _SEAL)), 0b101011, Assignment(tuple(range(AGENTS)), 2, 3),
     ),
-    SlotNote(3, False, ops=tuple(_SWAP._replace(counter=count) for count in range(1, 17))),
+    SlotNote(3, False, ops=tuple(Sealed(_SWAP._replace(counter=count), 2 * _SEAL) for count in range(1, 17))),
 )  # fmt: skip
 _STATUS = AgentStatus(3, 4, (0,) * len(REASONS), (1,) * len(SWAP_COUNTS), 2**63, bytes(range(AGENTS)))
 
@@ -108,7 +111,14 @@ def from_drone() -> Iterator[bytes]:
 def from_world() -> Iterator[bytes]:
     rows = empty_sensed(1)
     rows.near_count[0], rows.obstacle_count[0] = 2, 1
-    yield made(Welcome, process=7, mission={"agents": AGENTS}, initial_slots=bytes(range(AGENTS)), boot=1)
+    yield made(
+        Welcome,
+        process=7,
+        mission={"agents": AGENTS},
+        initial_slots=bytes(range(AGENTS)),
+        boot=1,
+        flight=bytes(8),
+    )
     heard = list(frames())
     yield made(Tick, tick=3, sensed=SensedPacker(rows).pack(0), sources=bytes(range(len(heard))), heard=heard)
     yield made(Wait)

@@ -80,7 +80,16 @@ TARGETS = {
         (ValueError,),
         seeds.notes,
         mutate.msgpack_changed,
-        (notes.decode, notes._int, notes._agents, notes._list, notes._ints, notes._maybe, notes._several),
+        (
+            notes.decode,
+            notes._int,
+            notes._agents,
+            notes._seals,
+            notes._list,
+            notes._ints,
+            notes._maybe,
+            notes._several,
+        ),
     ),
     "status": Target(
         readers.read_status, (ValueError,), seeds.statuses, mutate.msgpack_changed, (status.parse_status,)
