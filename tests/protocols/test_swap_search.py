@@ -11,14 +11,19 @@ The alphabet; one event is one step:
     time-out a      a has waited too long for what it is engaged in
     crash a         a falls silent for good, up to `crashes`; then anyone in a larger slot may take its slot
     restart a       a starts anew with amnesia, up to `restarts`, while another remembers
+    lie to S        the last agent lies to one or to all, up to `lies`: takes the slot of one who lives, now, in the past or
+                    in the future; makes up a swap of two others; says that all have had everything, or that it knows
+                    nothing; and, if it `deals`, asks for a swap with whatever clock, refuses what it was not asked, and uses
+                    a consent that it was given, when it likes. If it deals it is in all else an agent as the others
 
 Time-outs strike at any moment and nobody cools down, so whatever clocks could do is among the schedules.
 Equal states are visited once. In every state visited:
 
     the view is a permutation, and equal digests mean equal views;
-    without time-outs, crashes and restarts, no swap that a party acted on is ever undone;
+    without time-outs, crashes and restarts, no swap that a party acted on is ever undone; with a liar that does not deal,
+    none that two honest agents agreed to;
     if from here on all deals time out and every frame is heard, then within ROUNDS rounds of one broadcast
-    each all living are idle and agree: no schedule leads to a permanent lock or a permanent difference.
+    each all living are idle and agree, without the liar: no schedule leads to a permanent lock or a permanent difference.
 
 RSC_SWARM_DEEP=1 searches deeper. One search alone:
 `python tests/protocols/test_swap_search.py "Alphabet(3, 10, 2)"`.
@@ -36,6 +41,9 @@ from typing import NamedTuple
 import pytest
 
 from protocols.slots.agreement import SlotNote, SlotParty, Stance, SwapRules
+from protocols.slots.history import MAX_LEAP, Swap, pack_swap
+from protocols.slots.notes import Proposal, Refusal
+from protocols.slots.seals import Sealed, Stamps
 
 DEEP = os.environ.get("RSC_SWARM_DEEP") == "1"
 RULES = SwapRules(
@@ -55,12 +63,19 @@ class Alphabet:
     time_outs: bool = False
     crashes: int = 0
     restarts: int = 0
+    lies: int = 0
+    deals: bool = False
+    """Whether the liar agrees to swaps with others."""
     ring: bool = False
     """True: a proposes only to a + 1, the last to the first, and a frame is heard by one or by all."""
 
     @property
     def calm(self) -> bool:
-        return not (self.time_outs or self.crashes or self.restarts)
+        return not (self.time_outs or self.crashes or self.restarts or self.deals)
+
+    @property
+    def liar(self) -> int | None:
+        return self.agents - 1 if self.lies else None
 
 
 class Seat(NamedTuple):
@@ -83,6 +98,8 @@ class State(NamedTuple):
     proposals: int = 0
     crashes: int = 0
     restarts: int = 0
+    lies: int = 0
+    consents: tuple[tuple[Swap, bytes], ...] = ()  # to swaps with the liar
 
     def key(self) -> int:
         """What is the same for equal states: 64 bits, so a search of ten million states overlooks one with a
@@ -99,6 +116,8 @@ class State(NamedTuple):
 
 def successors(state: State, alphabet: Alphabet) -> Iterator[State]:
     for agent in state.living:
+        if agent == alphabet.liar and not alphabet.deals:
+            continue  # nobody hears of its swaps
         seat = state.seats[agent]
         yield from _deals(state, alphabet, agent, seat)
         yield from _frames(state, alphabet, agent, seat)
@@ -112,11 +131,59 @@ def successors(state: State, alphabet: Alphabet) -> Iterator[State]:
                 number = state.restarts + 1
                 party = SlotParty(agent, range(alphabet.agents), RULES, nonce=number, amnesiac=True)
                 yield state.seat(agent, Seat(party, 0, hash(party.state_key())))._replace(restarts=number)
+    if state.lies < alphabet.lies:
+        yield from _lies(state, alphabet)
     for i, (speaker, listener, note) in enumerate(state.late):
         if state.seats[listener].alive:
             heard = _heard(state, speaker, (listener,), note)
             yield heard
             yield heard._replace(late=state.late[:i] + state.late[i + 1 :])
+
+
+def _lies(state: State, alphabet: Alphabet) -> Iterator[State]:
+    liar = alphabet.agents - 1
+    honest = [agent for agent in state.living if agent != liar]
+    for note in lies(state, alphabet):
+        told = state._replace(lies=state.lies + 1)
+        for listeners in {(honest[0],), (honest[-1],), tuple(honest)}:
+            yield _heard(told, liar, listeners, note)
+
+
+def _with_consents(state: State, liar: int) -> State:
+    for seat in state.seats:
+        deal = seat.party.deal
+        if deal is not None and seat.party.stance is Stance.PROMISED and deal.proposer == liar:
+            consent = (deal.swap(deal.counter), deal.seal)
+            if consent not in state.consents:
+                state = state._replace(consents=(*state.consents, consent))
+    return state
+
+
+def lies(state: State, alphabet: Alphabet) -> Iterator[SlotNote]:
+    """What the liar could say now that is not so."""
+    liar = alphabet.agents - 1
+    seals = Stamps(liar)
+    nonce = 100 + state.lies
+    for victim in range(liar):
+        party = state.seats[victim].party
+        slots, clock = party.slot_of, party.book.clock
+        for counter in (1, clock + 1, clock + MAX_LEAP):
+            op = Swap(counter, liar, nonce, slots[liar], victim, slots[victim], taken=True)
+            yield SlotNote(0, False, ops=(Sealed(op, seals.seal(pack_swap(op))),))
+        yield SlotNote(party.digest, settled=True)
+        if alphabet.deals:
+            for asked in (0, clock + MAX_LEAP):
+                ask = Proposal(victim, nonce, slots[liar], slots[victim], asked)
+                yield SlotNote(0, False, proposal=ask)
+    slots = state.seats[0].party.slot_of
+    op = Swap(1, 0, nonce, slots[0], 1, slots[1])
+    yield SlotNote(0, False, ops=(Sealed(op, 2 * seals.seal(pack_swap(op))),))
+    yield SlotNote(0, True, amnesiac=True)
+    for op, seal in state.consents:
+        yield SlotNote(0, False, ops=(Sealed(op, seals.seal(pack_swap(op)) + seal),))
+    if alphabet.deals:
+        deals = [seat.party.deal for seat in state.seats[:liar] if seat.party.deal is not None]
+        yield SlotNote(0, True, refusals=tuple(Refusal(deal.proposer, deal.nonce) for deal in deals))
 
 
 def _deals(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator[State]:
@@ -170,11 +237,15 @@ def _timed_out(seat: Seat) -> Seat:
 class Healing:
     """How many rounds a state needs, if from there on nothing fails, until all living are idle and agree."""
 
-    def __init__(self) -> None:
+    def __init__(self, liar: int | None) -> None:
+        self._liar = liar
         self._rounds: dict[int, int] = {}
 
     def rounds(self, state: State) -> int:
         state = state._replace(late=(), proposals=0, crashes=0, restarts=0)
+        if self._liar is not None:
+            liar = state.seats[self._liar]._replace(alive=False)
+            state = state.seat(self._liar, liar)._replace(lies=0, consents=())
         for agent in state.living:
             if state.seats[agent].party.deal is not None:
                 state = state.seat(agent, _timed_out(state.seats[agent]))
@@ -204,18 +275,28 @@ class Found(NamedTuple):
     """The most rounds any state needed to heal."""
 
 
+def _regrets(party: SlotParty, liar: int | None) -> bool:
+    """Whether a swap that it agreed to with an honest agent is turned off; without a liar, whether anything ever was."""
+    if liar is None:
+        return party.counts.undone > 0
+    mine = (op for op in party.book.skipped if op.involves(party.me) and not op.involves(liar))
+    return any(not op.taken for op in mine)
+
+
 def search(alphabet: Alphabet) -> Found:
     n = alphabet.agents
     parties = [SlotParty(agent, range(n), RULES) for agent in range(n)]
     start = State(tuple(Seat(party, 0, hash(party.state_key())) for party in parties))
-    seen, views, healing = {start.key()}, {}, Healing()
+    seen, views, healing, honest = {start.key()}, {}, Healing(alphabet.liar), slice(alphabet.liar)
     frontier, undone, rounds = [start], 0, 0
     for _ in range(alphabet.depth):
         following = []
         for state in frontier:
             for after in successors(state, alphabet):
-                regret = any(seat.party.counts.undone for seat in after.seats)
+                regret = any(_regrets(seat.party, alphabet.liar) for seat in after.seats[honest])
                 assert not (regret and alphabet.calm), "undone though nothing failed"
+                if alphabet.liar is not None:
+                    after = _with_consents(after, alphabet.liar)
                 key = after.key()
                 if key in seen:
                     continue
@@ -223,7 +304,7 @@ def search(alphabet: Alphabet) -> Found:
                 following.append(after)
                 rounds = max(rounds, healing.rounds(after))
                 undone += regret
-                for seat in after.seats:
+                for seat in after.seats[honest]:
                     slots = views.setdefault(seat.party.digest, seat.party.slot_of)
                     assert slots == seat.party.slot_of, "equal digests, unequal views"
         frontier = following
@@ -238,6 +319,8 @@ EVERY_TEST = [
     Alphabet(3, depth=8, proposals=2, crashes=1),
     Alphabet(3, depth=7, proposals=1, restarts=1),
     Alphabet(4, depth=8, proposals=2, ring=True),
+    Alphabet(3, depth=5, proposals=1, lies=2),
+    Alphabet(3, depth=5, proposals=1, lies=2, deals=True, time_outs=True),
 ]
 DEEP_TEST = [
     Alphabet(3, depth=14, proposals=3),
@@ -247,6 +330,9 @@ DEEP_TEST = [
     Alphabet(3, depth=9, proposals=2, restarts=1, time_outs=True),
     Alphabet(4, depth=9, proposals=2),
     Alphabet(4, depth=9, proposals=2, ring=True, time_outs=True),
+    Alphabet(3, depth=8, proposals=2, lies=2),
+    Alphabet(3, depth=7, proposals=1, lies=3, deals=True, time_outs=True),
+    Alphabet(4, depth=6, proposals=1, lies=2, deals=True),
 ]
 
 
