@@ -89,8 +89,12 @@ def rehearse(mission: Mission) -> None:
     release_compiler()
 
 
-def _seals_of(keys: SealKeys | None, agents: int, flight: bytes) -> SealsOf:
-    """Raises LinkError if these are the keys of a smaller swarm."""
+def seals_of(keys: SealKeys | None, agents: int, flight: bytes) -> SealsOf:
+    """What a drone with these keys seals its swaps with in a flight, and checks those of others with.
+
+    Raises:
+        LinkError: these are the keys of a smaller swarm.
+    """
     if keys is None:
         return Stamps
     if len(keys.public_keys) < agents:
@@ -128,9 +132,8 @@ def fly(
     welcome = clock.join()
     if welcome is not None:
         mission = parse_briefing(welcome.briefing, policy)
-        seals_of = _seals_of(seals, mission.agents, welcome.flight)
-        world = clock.world
-        drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, world, world, seals_of=seals_of)
+        own, world = seals_of(seals, mission.agents, welcome.flight), clock.world
+        drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, world, world, seals_of=own)
         drone.fly(clock)
         clock.leave(drone.status())
     assert clock.ending is not None

@@ -11,8 +11,9 @@ from typing import Any
 import msgpack
 import zenoh
 
-from protocols.slots.history import Checkpoint, Swap
-from protocols.slots.notes import SlotNote, encode
+from protocols.slots.history import Swap, pack_swap
+from protocols.slots.notes import Assignment, SlotNote, encode
+from protocols.slots.seals import Sealed
 from protocols.wire import keys, messages
 from protocols.wire.frames import FIXED, MAX_FRAME_BYTES
 from protocols.wire.messages import Hello, Ready, Reply
@@ -132,22 +133,24 @@ def anothers_slot(turn: Turn) -> None:
 def forged_swaps(turn: Turn) -> None:
     """swaps between two others that neither of them has made"""
     a, b = turn.random.sample([other for other in range(turn.agents) if other != turn.me], 2)
-    op = Swap(turn.asked.tick, a, turn.random.randrange(2**40), a, a, b, b)
-    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), False, ops=(op,))))
+    op = Swap(turn.asked.tick, a, turn.random.randrange(2**40), a, b, b)
+    forged = Sealed(op, 2 * turn.seals.seal(pack_swap(op)))
+    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), False, ops=(forged,))))
 
 
 def absurd_counter(turn: Turn) -> None:
     """a swap of its own with the highest counter there is"""
     other = (turn.me + 1) % turn.agents
-    op = Swap(2**48 - 1, turn.me, 1, turn.me, turn.me, other, other)
-    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), False, ops=(op,))))
+    op = Swap(2**56 - 1, turn.me, 1, turn.me, other, other, taken=True)
+    swap = Sealed(op, turn.seals.seal(pack_swap(op)))
+    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), False, ops=(swap,))))
 
 
 def forged_checkpoint(turn: Turn) -> None:
     """a history of ten thousand swaps, after which all drones change places"""
     slots = tuple(turn.random.sample(range(turn.agents), turn.agents))
-    whole = Checkpoint(slots, turn.random.randrange(2**64), 10_000 + turn.asked.tick, 10_000)
-    turn.answer_frame(note=encode(SlotNote(whole.digest, True, checkpoint=whole)))
+    whole = Assignment(slots, 10_000 + turn.asked.tick, turn.me)
+    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), True, whole=whole)))
 
 
 def forged_permutations(turn: Turn) -> None:

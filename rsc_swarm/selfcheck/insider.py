@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import msgpack
 
-from agent.process import fly
+from agent.process import fly, seals_of
 from agent.radio.link import AgentLink
+from protocols.slots.seals import Seals, Stamps
 from protocols.wire import keys, messages
 from protocols.wire.login import Login
 from protocols.wire.messages import Reply, Tick
@@ -25,7 +26,7 @@ class Turn(NamedTuple):
     """One tick of an attack.
 
     swarm, me, agents: who it is, of how many. asked: the Tick. reply: the honest answer to it. say: to the world. open: another
-    link with the same login. random: the same in every run of this attack. memory: kept from tick to tick.
+    link with the same login. random: the same in every run of this attack. memory: kept from tick to tick. seals: its own.
     """
 
     swarm: str
@@ -37,6 +38,7 @@ class Turn(NamedTuple):
     open: Callable[[], AgentLink]
     random: Random
     memory: dict[str, Any]
+    seals: Seals
 
     def answer(self, **instead: Any) -> None:
         """Answer honestly, but for these parts of the answer."""
@@ -68,6 +70,7 @@ class _Turned:
     ) -> None:
         self._link, self._login, self._attack, self._open = link, login, attack, open_
         self._random, self._memory, self._agents = Random(seed), dict[str, Any](), keys.MAX_AGENTS
+        self._seals: Seals = Stamps(login.agent)
         self._asked = Tick(-1, 0, -1, (b"", b"", b""), b"", [])
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -77,6 +80,7 @@ class _Turned:
                 message = messages.unpack_from_world(data)
                 if isinstance(message, messages.Welcome):
                     self._agents = len(message.initial_slots)
+                    self._seals = seals_of(self._login.seals, self._agents, message.flight)(self._login.agent)
                 elif isinstance(message, Tick):
                     self._asked = message
         return data
@@ -87,9 +91,9 @@ class _Turned:
             self._link.send(payload)
             return
         swarm, me = self._login.swarm, self._login.agent
-        say, memory = self._link.send, self._memory
+        say, memory, seals = self._link.send, self._memory, self._seals
         self._attack(
-            Turn(swarm, me, self._agents, self._asked, message, say, self._open, self._random, memory)
+            Turn(swarm, me, self._agents, self._asked, message, say, self._open, self._random, memory, seals)
         )
 
 
@@ -105,4 +109,4 @@ class Insider:
         leave = leave_on_sigterm()
         with AgentLink(endpoint, login) as link:
             turned = _Turned(link, login, self._attack, lambda: AgentLink(endpoint, login), self._seed)
-            fly(turned, agent, policy, lambda: leave.asked, LEAVES_S)
+            fly(turned, agent, policy, lambda: leave.asked, LEAVES_S, login.seals)
