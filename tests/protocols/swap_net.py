@@ -228,7 +228,7 @@ class Oracle:
             if not op.taken and op.agent_b != liar:
                 assert (op.agent_b, op) in self._promised, f"the partner never agreed: {op}"
             self.ever.add(op)
-        _, skipped_before = fold(before, n)
+        _, skipped_before = fold(before, n) if skipped & before else ((), frozenset())
         for op in skipped & (before - skipped_before):
             self.undone += 1
             exposed = self.exposed(before - skipped_before)

@@ -319,8 +319,8 @@ EVERY_TEST = [
     Alphabet(3, depth=8, proposals=2, crashes=1),
     Alphabet(3, depth=7, proposals=1, restarts=1),
     Alphabet(4, depth=8, proposals=2, ring=True),
-    Alphabet(3, depth=5, proposals=1, lies=2),
-    Alphabet(3, depth=5, proposals=1, lies=2, deals=True, time_outs=True),
+    Alphabet(3, depth=4, proposals=1, lies=2),
+    Alphabet(3, depth=4, proposals=1, lies=1, deals=True, time_outs=True),
 ]
 DEEP_TEST = [
     Alphabet(3, depth=14, proposals=3),
@@ -330,9 +330,8 @@ DEEP_TEST = [
     Alphabet(3, depth=9, proposals=2, restarts=1, time_outs=True),
     Alphabet(4, depth=9, proposals=2),
     Alphabet(4, depth=9, proposals=2, ring=True, time_outs=True),
-    Alphabet(3, depth=8, proposals=2, lies=2),
-    Alphabet(3, depth=7, proposals=1, lies=3, deals=True, time_outs=True),
-    Alphabet(4, depth=6, proposals=1, lies=2, deals=True),
+    Alphabet(3, depth=6, proposals=2, lies=2),
+    Alphabet(3, depth=5, proposals=1, lies=2, deals=True, time_outs=True),
 ]
 
 
