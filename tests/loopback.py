@@ -89,6 +89,12 @@ class Loopback:
         elif isinstance(message, Bye) and agent in self.drones:
             self.say(agent, messages.pack(self.drones[agent].farewell()))
 
+    def offer(self, agent: int, process: int) -> bytes | None:
+        return None
+
+    def cast(self, agent: int, payload: bytes) -> bool:
+        return False
+
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         if self._said:
             return self._said.popleft()

@@ -196,6 +196,12 @@ class WorldCore:
         self._fell(world, [agent])
         return True
 
+    def land(self, world: int, agent: int) -> None:
+        """Take a drone that its failsafe lands out of the air."""
+        self.flying[world, agent] = self.responsive[world, agent] = False
+        self._barred[world, agent] = True
+        self._fell(world, [agent])
+
     def perceive(self) -> Inbox:
         """Fill ``sensed`` with what every flying drone of an active world senses now; return what they hear."""
         self._sense()

@@ -18,6 +18,7 @@ from protocols.dynamics import TICK_S
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
+from world.failsafe import CommandAges
 from world.faults import Event
 from world.invariants import Discredited, Invariants
 from world.medium.medium import TALLY
@@ -135,9 +136,9 @@ class Director:
         self,
         wall_s: float,
         first_tick_at: float,
-        deadline_misses: int = 0,
         message_bytes: tuple[float, float] = (0.0, 0.0),
         world: int = 0,
+        command_ages: CommandAges | None = None,
     ) -> Flown:
         """What came of the flight in this world. When it is over its drones are asked for their last accounts."""
         outcome = self._outcome(world)
@@ -152,7 +153,7 @@ class Director:
             watched=self.invariants[world].result(),
             wall_s=wall_s,
             real_time_factor=outcome.ticks * TICK_S / max(wall_s, 1e-9),
-            deadline_misses=deadline_misses,
+            command_ages=command_ages,
             median_frame_bytes=_median(self._sizes[world]),
             message_bytes=message_bytes,
             first_tick_at=first_tick_at,

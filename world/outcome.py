@@ -11,6 +11,7 @@ from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.wire.status import AgentStatus
 from world import referee
+from world.failsafe import CommandAges
 from world.invariants import Watched
 
 
@@ -75,10 +76,15 @@ class Flown:
     watched: Watched
     wall_s: float
     real_time_factor: float
-    deadline_misses: int
     median_frame_bytes: float
     message_bytes: tuple[float, float]  # mean size of a drone's REPLY and of the world's TICK
     first_tick_at: float  # time.time()
+    command_ages: CommandAges | None  # in real time
+
+    @property
+    def deadline_misses(self) -> int:
+        """Answers that came too late for their tick."""
+        return self.command_ages.misses if self.command_ages else 0
 
 
 class Judgement:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from enum import StrEnum
 from typing import Protocol
 
+from agent.body.foresight import Foresight
 from agent.ports import Heard
 from protocols.wire import messages
 from protocols.wire.keys import LinkError
@@ -49,6 +50,10 @@ class Link(Protocol):
 
     def send(self, payload: bytes) -> None: ...
 
+    def use_datagrams(self, key: bytes) -> None: ...
+
+    def cast(self, payload: bytes) -> bool: ...
+
 
 class RelayedWorld:
     """Body and radio (agent.ports) of the drone that is flown by process number ``process``."""
@@ -58,9 +63,12 @@ class RelayedWorld:
         self._sensed = empty_sensed(1)
         self._reader = SensedReader(self._sensed)
         self._asked = Tick(-1, 0, -1, (b"", b"", b""), b"", [])
+        self._begun = True
         self._command, self._slot = (0.0, 0.0), 0
         self._frame: bytes | None = None
         self._status: AgentStatus | None = None
+        self._told = -1  # the tick of the first reply that told it
+        self._foresight = Foresight()
 
     @property
     def tick(self) -> int:
@@ -68,8 +76,14 @@ class RelayedWorld:
         return self._asked.tick
 
     def take(self, asked: Tick) -> None:
-        """Begin the tick for which this was sent."""
-        self._asked, self._frame = asked, None
+        """Begin the tick for which this was sent; frames of one that it overtakes are heard with its own."""
+        if not self._begun:
+            asked = asked._replace(
+                sources=self._asked.sources + asked.sources, heard=self._asked.heard + asked.heard
+            )
+        self._asked, self._frame, self._begun = asked, None, False
+        if asked.followed >= self._told:
+            self._status = None
 
     def reply(self) -> Reply:
         """What the drone has done since."""
@@ -84,10 +98,13 @@ class RelayedWorld:
 
     def sense(self) -> Sensed:
         self._reader.read(self._asked.sensed)
+        self._foresight.move_on(self._asked.tick, self._asked.followed, self._sensed)
+        self._begun = True
         return self._sensed
 
     def fly(self, ax: float, ay: float) -> None:
         self._command = ax, ay
+        self._foresight.remember(self._asked.tick, ax, ay)
 
     def hear(self) -> Heard:
         return Heard(self._asked.sources, self._asked.heard)
@@ -96,7 +113,9 @@ class RelayedWorld:
         self._frame = frame
 
     def report(self, slot: int, status: AgentStatus | None) -> None:
-        self._slot, self._status = slot, status
+        self._slot = slot
+        if status is not None:  # it is told again until the world follows an answer that told it
+            self._status, self._told = status, self._asked.tick
 
 
 class WorldClock:
@@ -125,6 +144,8 @@ class WorldClock:
         while (message := self._next()) is not None:
             if isinstance(message, Welcome) and message.process == self._process:
                 self._welcomed = True
+                if message.datagram_key:
+                    self._link.use_datagrams(message.datagram_key)
                 return message
         return None
 
@@ -134,27 +155,50 @@ class WorldClock:
         Raises:
             LinkError: the world refuses this process.
         """
-        self._say(Ready(self._process))
-        while (message := self._next()) is not None:
+        self._say_both_ways(Ready(self._process))
+        while self._wait_for_tick():
+            yield self.world.tick
+            self._say_soon(self.world.reply())
+
+    def _wait_for_tick(self) -> bool:
+        """Wait for a tick that is new, and begin the newest there is; False when the flight is over."""
+        fresh = False
+        while (message := self._next(0.0 if fresh else _LISTEN_S)) is not None:
             if isinstance(message, Tick):
                 if message.tick > self.world.tick:
                     self.world.take(message)
-                    yield message.tick
-                if message.tick == self.world.tick:  # where the answer was lost, the world asks again
-                    self._say(self.world.reply())
+                    fresh = True
+                elif (
+                    message.tick == self.world.tick and not fresh
+                ):  # its answer was lost, so the world asks again
+                    self._say_soon(self.world.reply())
+        return fresh and self.ending is None
 
     def leave(self, status: AgentStatus) -> None:
         """Answer the world's Bye, if that is why it is over."""
         if self.ending is Ending.OVER:
-            self._say(self.world.farewell(status))
+            self._say_both_ways(self.world.farewell(status))
 
     def _say(self, message: FromDrone) -> None:
         self._link.send(messages.pack(message))
 
-    def _next(self) -> FromWorld | None:
-        """What the world says next that is not settled here; None when it is over."""
+    def _say_soon(self, message: FromDrone) -> None:
+        """In real time what waits for what was lost before it is worth nothing; but a way that is not open is none."""
+        data = messages.pack(message)
+        if not self._link.cast(data):
+            self._link.send(data)
+
+    def _say_both_ways(self, message: FromDrone) -> None:
+        data = messages.pack(message)
+        self._link.cast(data)
+        self._link.send(data)
+
+    def _next(self, wait_s: float = _LISTEN_S) -> FromWorld | None:
+        """What the world says next that is not settled here; None when it is over, or, without a wait, when nothing is there."""
         while not self._leaving():
-            data = self._link.receive(_LISTEN_S)
+            data = self._link.receive(wait_s)
+            if data is None and not wait_s:
+                return None
             if data is None:
                 self._silent += 1
                 if self._silent * _LISTEN_S >= self._silence_s:
@@ -163,7 +207,7 @@ class WorldClock:
                 if not self._welcomed:
                     self._say(Hello(messages.VERSION, self._process))
                 elif self._silent % _LOOKS == 0 and self._silent <= _MOST_LOOKS:
-                    self._say(Ready(self._process))
+                    self._say_both_ways(Ready(self._process))
                 continue
             self._silent = 0
             try:

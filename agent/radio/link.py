@@ -12,11 +12,13 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
 
 import zenoh
 
+from agent.radio.datagrams import AgentDatagrams
 from protocols.closing import Closing
 from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
@@ -117,7 +119,9 @@ class AgentLink(Closing):
         deadline = time.monotonic() + connect_timeout_s
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
         # unlike a Zenoh channel it can be waited on for a limited time.
-        self._heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+        self._heard: queue.SimpleQueue[zenoh.Sample | bytes] = queue.SimpleQueue()
+        self._endpoint, self._agent = endpoint, login.agent
+        self._datagrams: AgentDatagrams | None = None
         self._joiner = pieces.Joiner()
         _check_certificates(checked_endpoint(endpoint), login)
         self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
@@ -148,6 +152,18 @@ class AgentLink(Closing):
         """Send to the world."""
         self._publisher.put(payload)
 
+    def use_datagrams(self, key: bytes) -> None:
+        """The world has offered this process datagrams.
+
+        Raises:
+            LinkError: they cannot be had.
+        """
+        self._datagrams = AgentDatagrams(self._endpoint, self._agent, key, self._heard.put)
+
+    def cast(self, payload: bytes) -> bool:
+        """Send to the world, in a datagram: it may get lost, but waits for nothing. False where perhaps nobody hears it."""
+        return self._datagrams is not None and self._datagrams.send(payload)
+
     def receive(self, timeout_s: float) -> bytes | None:
         """The next message, oldest first; None when none comes in ``timeout_s`` (0: do not wait)."""
         while True:
@@ -155,9 +171,14 @@ class AgentLink(Closing):
                 sample = self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
             except queue.Empty:
                 return None
+            if isinstance(sample, bytes):
+                return sample
             if (message := self._joiner.join(sample.payload.to_bytes())) is not None:
                 return message
 
     def close(self) -> None:
+        if self._datagrams is not None:
+            self._datagrams.close()
         if not self._session.is_closed():
-            self._session.close()
+            with suppress(zenoh.ZError):  # over a bad network its farewells may not come through
+                self._session.close()

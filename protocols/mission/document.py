@@ -177,6 +177,14 @@ class Trajectory(Section):
     )
 
 
+class FailsafeSpec(Section):
+    """What a drone does in real time when its last command is older than ``after_s``: it brakes to a hover, and there it holds
+    until it hears again, or lands: then it is out of the flight."""
+
+    after_s: Span = 0.3
+    then: Literal["hold", "land"] = "hold"
+
+
 @lru_cache(maxsize=64)  # missions that differ in their seeds share it
 def _plan(spec: FormationSpec, agents: int) -> Formation:
     if spec.shape == "custom":
@@ -210,6 +218,7 @@ class Mission(Section):
     sensing: Sensing = Sensing()
     swap: SwapSpec = SwapSpec()
     trajectory: Trajectory = Trajectory()
+    failsafe: FailsafeSpec = FailsafeSpec()
     faults: tuple[Fault, ...] = ()
     map_seed: Number32 = 0
     seed: Number32 = 0

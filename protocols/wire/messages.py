@@ -70,13 +70,16 @@ class Farewell(NamedTuple):
 
 class Welcome(NamedTuple):
     """``briefing``: as Mission.briefing. ``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted.
-    ``flight``: drawn for each flight; what a drone seals is good in this one only."""
+    ``flight``: drawn for each flight; what a drone seals is good in this one only. ``datagram_key``: with which this process may
+    speak in datagrams too (protocols.wire.datagrams); empty: not at all.
+    """
 
     process: int
     briefing: dict[str, Any]
     initial_slots: bytes
     boot: int
     flight: bytes
+    datagram_key: bytes
 
 
 class Tick(NamedTuple):
@@ -213,7 +216,7 @@ def unpack_from_world(data: bytes) -> FromWorld:
             raise MessageError("what is sensed is bytes")
         return Tick(tick, proof, followed, (own, near, obstacles), sources, heard)
     if kind is Welcome:
-        _typed(fields, int, dict, bytes, int, bytes)
+        _typed(fields, int, dict, bytes, int, bytes, bytes)
         if len(fields[4]) != FLIGHT_BYTES:
             raise MessageError("not a flight's name")
         return Welcome(*fields)

@@ -1,27 +1,34 @@
-"""Long messages travel in pieces: Zenoh's low-latency transport loses what is longer than its link carries at once.
+"""Long messages travel in pieces: Zenoh's low-latency transport loses what is longer than its link carries at once, and a
+datagram carries what fits into a packet.
 
-That is 65,535 bytes on a Unix socket and over QUIC. Over TCP and TLS it is the largest multiple of half a segment of TCP below
-that, so more than half of it; with the segments of the loopback it is less than 50,000.
+Zenoh's limit is 65,535 bytes on a Unix socket and over QUIC. Over TCP and TLS it is the largest multiple of half a segment of TCP
+below that, so more than half of it; with the segments of the loopback it is less than 50,000.
 
-What is short and does not begin like a piece travels as it is. Pieces arrive in the order in which they were sent.
+What is short and does not begin like a piece travels as it is. Pieces may get lost, or arrive out of order: each says of which
+message it is, and a message of which one is missing is never made up from others.
 """
 
+import struct
 from collections.abc import Iterator
 
-LONGEST = 30_000  # bytes of one piece, its mark included; leaves room for Zenoh's own
+LONGEST = 30_000  # bytes of one piece, its head included; leaves room for Zenoh's own
 LONGEST_MESSAGE = 1 << 22  # bytes that are joined: twice what the longest Tick takes
-_MORE, _LAST = b"\x01", b"\x00"
+_MARK = 0
+_HEAD = struct.Struct("<BIHH")  # mark, number of the message, which piece of it, of how many
+_NUMBERS = 2**32
+_OPEN = 4  # messages of which some pieces have come; older ones are given up
 
 
-def cut(message: bytes) -> Iterator[bytes]:
-    """What travels of ``message``, in order."""
-    if len(message) <= LONGEST and message[:1] not in (_MORE, _LAST):
+def cut(message: bytes, number: int, longest: int = LONGEST) -> Iterator[bytes]:
+    """What travels of ``message``, in order; ``number`` it differs from that of all lately."""
+    if len(message) <= longest and message[:1] not in (b"", b"\x00"):
         yield message
         return
-    step = LONGEST - 1
-    for start in range(0, len(message), step):
-        piece = message[start : start + step]
-        yield (_MORE if start + step < len(message) else _LAST) + piece
+    step = longest - _HEAD.size
+    count = max(1, -(-len(message) // step))
+    for index in range(count):
+        head = _HEAD.pack(_MARK, number % _NUMBERS, index, count)
+        yield head + message[index * step : (index + 1) * step]
 
 
 class Joiner:
@@ -29,19 +36,26 @@ class Joiner:
 
     def __init__(self, longest: int = LONGEST_MESSAGE) -> None:
         self._longest = longest
-        self._joined = bytearray()
+        self._open: dict[tuple[int, int], dict[int, bytes]] = {}  # by number and count
+        self._bytes = 0
 
     def join(self, piece: bytes) -> bytes | None:
-        """The message that ``piece`` completes; None while more is to come."""
-        mark = piece[:1]
-        if mark not in (_MORE, _LAST):
-            self._joined.clear()
+        """The message that ``piece`` completes; None while more is to come, and of what is no piece."""
+        if piece[:1] not in (b"", b"\x00"):
             return piece
-        self._joined += piece[1:]
-        if mark == _MORE:
-            if len(self._joined) > self._longest:
-                self._joined.clear()
+        if len(piece) < _HEAD.size:
             return None
-        message = bytes(self._joined)
-        self._joined.clear()
-        return message
+        _, number, index, count = _HEAD.unpack_from(piece)
+        parts = self._open.setdefault((number, count), {})
+        if index < count and index not in parts:
+            parts[index] = piece[_HEAD.size :]
+            self._bytes += len(piece)
+        if len(parts) == count:
+            self._forget((number, count))
+            return b"".join(parts[place] for place in range(count))
+        while len(self._open) > _OPEN or self._bytes > self._longest:
+            self._forget(next(iter(self._open)))
+        return None
+
+    def _forget(self, message: tuple[int, int]) -> None:
+        self._bytes -= sum(_HEAD.size + len(part) for part in self._open.pop(message).values())

@@ -54,7 +54,7 @@ def serve_world(
     service = Service()
     with leave_when_asked() as leave:
         try:
-            with WorldLink(credentials, listen) as link:
+            with WorldLink(credentials, listen, clock == "realtime") as link:
                 service.ready(f"waiting for {mission.agents} drones")
                 control = NoControl(lambda: service.alive(leave.asked), on_snapshot)
                 record = recorder.record if recorder else None

@@ -57,6 +57,19 @@ class StruckOff(_Part):
     why: str
 
 
+class CommandFigures(_Part):
+    """In real time: ages of commands, from the tick that each answers. One older than ``failsafe.after_s`` is not followed."""
+
+    p99_s: float = Field(description="99 % of commands, over all drones and ticks, were no older")
+    longest_s: tuple[float, ...] = Field(description="the oldest that each drone had: its longest silence")
+    braked_s: tuple[float, ...] = Field(
+        description="how long each drone was braked, or held, by its failsafe"
+    )
+    landed: tuple[int, ...] = Field(
+        description="drones that their failsafe landed; they are among lost_agents"
+    )
+
+
 class SwapTotals(_Part):
     """What the drones did about their slots, summed over all drones."""
 
@@ -138,6 +151,9 @@ class FlightReport(_Part):
     deadline_misses: int = Field(
         description="answers that came too late for their tick (realtime clock only)"
     )
+    commands: CommandFigures | None = Field(
+        description="how fresh the commands were by which drones flew; null in lockstep, where none is late"
+    )
     digest: str = Field(description="hash of every tick's state; equal digests are equal flights")
     policy: str = Field(description="the controller")
     map_seed: int = Field(description="seed of the obstacles")
@@ -183,6 +199,7 @@ def report_of(
             "real_time_factor": flown.real_time_factor,
             "wall_s": flown.wall_s,
             "deadline_misses": flown.deadline_misses,
+            "commands": _commands(flown),
             "policy": mission.policy,
             "map_seed": mission.map_seed,
             "seed": mission.seed,
@@ -208,6 +225,11 @@ def missed_faults(mission: Mission, ticks: int) -> tuple[int, ...]:
 def _total(flown: Flown, field: str, index: int) -> int:
     """One count of the drones' accounts, summed over all drones."""
     return sum(getattr(status, field)[index] for status in flown.statuses.values())
+
+
+def _commands(flown: Flown) -> dict[str, Any] | None:
+    ages = flown.command_ages
+    return {name: getattr(ages, name) for name in CommandFigures.model_fields} if ages else None
 
 
 def _frames(flown: Flown) -> dict[str, Any]:

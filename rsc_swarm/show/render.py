@@ -68,8 +68,9 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
         "frames rejected": rejected,
         "flown": f"{report.time_s:.2f} s {how} in {report.wall_s:.1f} s, {_times(report.real_time_factor)} real time",
         "late answers": f"{report.deadline_misses:,} of {report.ticks * report.agents:,}"
-        if report.clock == "realtime"
+        if report.commands
         else "",
+        "commands": _commands(report),
         "first tick": f"{report.first_tick_s:.2f} s after the command"
         if report.first_tick_s is not None
         else "",
@@ -92,6 +93,17 @@ def _missed(report: FlightReport) -> str:
         if faults
         else ""
     )
+
+
+def _commands(report: FlightReport) -> str:
+    ages = report.commands
+    if ages is None:
+        return ""
+    text = f"99 % at most {ages.p99_s:.2f} s old, the oldest {max(ages.longest_s):.2f} s"
+    braked = [f"agent {agent} for {seconds:.2f} s" for agent, seconds in enumerate(ages.braked_s) if seconds]
+    if braked:
+        text += f"; the failsafe braked {', '.join(braked[:3])}{', ...' if len(braked) > 3 else ''}"
+    return text + (f" and landed {lost_text(ages.landed)}" if ages.landed else "")
 
 
 def _times(factor: float) -> str:

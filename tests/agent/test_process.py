@@ -35,7 +35,7 @@ from tests.loopback import Hosted
 
 MISSION = parse_mission({"agents": 6})
 ME, TAG = 2, swarm_tag("rsc")
-WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0, bytes(8))
+WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0, bytes(8), b"")
 POLICY = "rsc-h20"
 
 
@@ -254,12 +254,18 @@ class Script:
         self.said, self.heard, self.process = list(said), [], 0
 
     def receive(self, timeout_s: float) -> bytes | None:
-        if not self.said:
+        if not self.said or timeout_s == 0.0:
             return None
         message = self.said.pop(0)
         if message == WELCOME:
             message = WELCOME._replace(process=self.process)
         return messages.pack(message)
+
+    def use_datagrams(self, key: bytes) -> None:
+        raise AssertionError("none were offered")
+
+    def cast(self, payload: bytes) -> bool:
+        return False
 
     def send(self, payload: bytes) -> None:
         self.heard.append(messages.unpack_from_drone(payload, 6))
@@ -315,6 +321,28 @@ def test_a_drone_that_is_asked_again_answers_the_same_and_does_not_act_twice() -
     said = [message for message in world.heard if isinstance(message, Reply)]
     assert [reply.tick for reply in said] == [0, 1, 1, 2]
     assert said[1] == said[2]
+
+
+def test_of_ticks_that_have_piled_up_only_the_newest_is_answered_and_no_frame_is_unheard() -> None:
+    class Heap(Script):
+        def receive(self, timeout_s: float) -> bytes | None:
+            return super().receive(1.0)
+
+    world = Heap(WELCOME, ticked(NOW, GOOD[:2]), ticked(NOW + 2, GOOD[2:]), ticked(NOW + 1, []))
+    fly(world, ME, POLICY, lambda: False, silence_s=1.0)
+    (reply,) = (message for message in world.heard if isinstance(message, Reply))
+    assert reply.tick == NOW + 2
+    assert reply.status is None or reply.status.heard == len(GOOD)
+
+
+def test_an_account_is_told_again_until_the_world_has_followed_an_answer_that_told_it() -> None:
+    """Answers get lost in real time, and the world holds a drone to what it told of itself."""
+    one = drone()
+    told = []
+    for tick in range(8):
+        asked = ticked(tick, [])._replace(followed=-1 if tick < 4 else tick - 2)
+        told.append(one.answer(asked).status is not None)
+    assert told == [True] * 4 + [False] * 4
 
 
 def test_a_drone_that_hears_nothing_says_now_and_then_that_it_is_there() -> None:

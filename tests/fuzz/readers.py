@@ -107,9 +107,9 @@ def read_pieces(data: bytes) -> None:
     joiner = pieces.Joiner(longest=100)
     for piece in data.split(b"|"):
         joiner.join(piece)
-        assert len(joiner._joined) <= 100
+        assert joiner._bytes <= 100
     joiner = pieces.Joiner()
-    for piece in pieces.cut(data):
+    for piece in pieces.cut(data, len(data)):
         whole = joiner.join(piece)
     assert whole == data
 

@@ -133,8 +133,8 @@ def sensed() -> Iterator[bytes]:
 
 
 def pieces() -> Iterator[bytes]:
-    yield b"\x01ab|\x01cd|\x00ef|\x93gh|\x01i|\x93j|"
-    yield b"|".join(cut(bytes(130_000)))
+    yield b"|".join((*cut(b"ab" * 50, 1, 60), *cut(b"\x93gh", 2), *cut(b"ij" * 50, 3, 60)))
+    yield b"|".join(cut(bytes(130_000), 4))
 
 
 @cache

@@ -36,7 +36,7 @@ FROM_DRONE = [
     Farewell(7, STATUS),
 ]
 FROM_WORLD = [
-    Welcome(7, {"agents": 6}, bytes(6), 1, bytes(8)),
+    Welcome(7, {"agents": 6}, bytes(6), 1, bytes(8), bytes(32)),
     Tick(3, 9, 2, (b"a", b"b", b""), b"\x01", [b"frame"]),
     Wait(),
     Bye(),
@@ -148,16 +148,38 @@ def test_a_message_made_to_swell_is_refused_before_it_does(data: bytes) -> None:
 @pytest.mark.parametrize("begins", [b"\x00", b"\x01", b"\x95"])
 def test_a_message_of_any_length_is_cut_and_joined_again(length: int, begins: bytes) -> None:
     message, joiner = (begins * length)[:length], pieces.Joiner()
-    cut = list(pieces.cut(message))
+    cut = list(pieces.cut(message, 7))
     assert max(map(len, cut)) <= pieces.LONGEST
     assert [whole for piece in cut if (whole := joiner.join(piece)) is not None] == [message]
+
+
+@given(st.permutations(range(9)), st.sets(st.integers(0, 8)), st.lists(st.binary(max_size=30), max_size=3))
+def test_pieces_that_come_out_of_order_or_not_at_all_make_no_message_that_was_never_sent(
+    order: list[int], lost: set[int], strange: list[bytes]
+) -> None:
+    said = [bytes([0x90 + number]) * 250 for number in range(3)]
+    cut = [piece for number, message in enumerate(said) for piece in pieces.cut(message, number, 100)]
+    assert len(cut) == 9
+    joiner = pieces.Joiner()
+    for piece in strange:
+        joiner.join(b"\x00" + piece)
+    got = [joiner.join(cut[place]) for place in order if place not in lost]
+    whole = [number for number in range(3) if not lost & {3 * number, 3 * number + 1, 3 * number + 2}]
+    assert sorted(message for message in got if message is not None) == [said[number] for number in whole]
+
+
+def test_messages_that_never_become_whole_are_not_kept() -> None:
+    joiner = pieces.Joiner()
+    for number in range(1000):
+        joiner.join(next(pieces.cut(bytes(1000), number, 100)))
+    assert len(joiner._open) <= 4
 
 
 def test_what_a_drone_senses_and_hears_of_a_hundred_drones_travels_in_pieces() -> None:
     crowd = Tick(
         0, 9, -1, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96
     )
-    cut = list(pieces.cut(messages.pack(crowd)))
+    cut = list(pieces.cut(messages.pack(crowd), 2**32 + 5))
     assert len(cut) == 5
     assert all(len(piece) < 65_535 for piece in cut)
 

@@ -32,7 +32,7 @@ for fields in tasks:
         "outcome": dataclasses.asdict(flown.outcome),
         "tally": flown.tally,
         "wall_s": flown.wall_s,
-        "deadline_misses": flown.deadline_misses,
+        "command_ages": flown.command_ages and flown.command_ages._asdict(),
         "breach": flown.watched.breach,
         "rejected": sum(sum(status.rejected) for status in flown.statuses.values()),
         "told": sorted(flown.statuses),

@@ -10,12 +10,14 @@
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
 """
 
+import itertools
 import json
 import os
 import queue
 import re
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
 
@@ -27,6 +29,7 @@ from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON, secret
 from world.server.credentials import Credentials
+from world.server.datagrams import WorldDatagrams
 from world.server.pipes import Lookout
 
 
@@ -149,20 +152,23 @@ class WorldLink(Closing):
     Raises LinkError when it cannot listen there.
     """
 
-    def __init__(self, credentials: Credentials, endpoints: Sequence[str]) -> None:
+    def __init__(self, credentials: Credentials, endpoints: Sequence[str], realtime: bool = False) -> None:
+        """``realtime``: hear and send datagrams besides."""
         _check_endpoints(credentials, endpoints)
         swarm, agents = credentials.swarm, range(len(credentials.passwords))
         self._agent_of_key = {keys.tx(swarm, agent): agent for agent in agents}
         # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
         # unlike a Zenoh channel it can be waited on for a limited time.
-        self._heard: queue.SimpleQueue[tuple[int, zenoh.Sample]] = queue.SimpleQueue()
+        self._heard: queue.SimpleQueue[tuple[int, zenoh.Sample | bytes]] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._waiting, self._turned_away = [0 for _ in agents], [0 for _ in agents]
         self._barred: set[int] = set()
         self._sends = 0
+        self._numbers = itertools.count()
         self._session = _open_router(credentials, endpoints)
         self._lookout = Lookout()
         try:
+            self._datagrams = WorldDatagrams(endpoints if realtime else (), self._let_in)
             self._session.declare_subscriber(
                 keys.every_tx(swarm), zenoh.handlers.Callback(self._hear, indirect=False)
             )
@@ -180,21 +186,33 @@ class WorldLink(Closing):
         """Send to one agent. An agent that is not connected does not get it, now or later."""
         self._sends += 1
         self._lookout.sending = self._sends
-        for piece in pieces.cut(payload):
+        for piece in pieces.cut(payload, next(self._numbers)):
             self._publishers[agent].put(piece)
         self._lookout.sending = None
+
+    def offer(self, agent: int, process: int) -> bytes | None:
+        """The key with which this process of a drone may speak in datagrams; None where there are none."""
+        return self._datagrams.offer(agent, process)
+
+    def cast(self, agent: int, payload: bytes) -> bool:
+        """Send to one agent, in datagrams: it may get lost, but waits for nothing. False where that cannot be, or not yet."""
+        return self._datagrams.send(agent, payload)
 
     def _hear(self, sample: zenoh.Sample) -> None:
         """In a thread of Zenoh's: take in what came, if there is room for it."""
         agent = self._agent_of_key.get(str(sample.key_expr))
-        if agent is None or agent in self._barred:
+        if agent is not None:
+            self._let_in(agent, len(sample.payload), sample)
+
+    def _let_in(self, agent: int, size: int, what: zenoh.Sample | bytes) -> None:
+        if agent in self._barred:
             return
         with self._lock:
-            if self._waiting[agent] >= _MOST_WAITING or len(sample.payload) > messages.MAX_FROM_DRONE:
+            if self._waiting[agent] >= _MOST_WAITING or size > messages.MAX_FROM_DRONE:
                 self._turned_away[agent] += 1
                 return
             self._waiting[agent] += 1
-        self._heard.put((agent, sample))
+        self._heard.put((agent, what))
 
     def turned_away(self, agent: int) -> int:
         """Messages of this agent so far that were too long or too many."""
@@ -214,9 +232,11 @@ class WorldLink(Closing):
             return None
         with self._lock:
             self._waiting[agent] -= 1
-        return agent, sample.payload.to_bytes()
+        return agent, sample if isinstance(sample, bytes) else sample.payload.to_bytes()
 
     def close(self) -> None:
         self._lookout.close()
+        self._datagrams.close()
         if not self._session.is_closed():
-            self._session.close()
+            with suppress(zenoh.ZError):  # over a bad network its farewells may not come through
+                self._session.close()

@@ -77,11 +77,12 @@ class Peer:
         rival, self._rival = self._rival, None
         return rival
 
-    def ask(self, tick: int, proof: int, question: bytes, now_s: float) -> None:
-        """It is sent the packed Tick ``question``, which holds this ``proof``."""
+    def ask(self, tick: int, proof: int, question: bytes, now_s: float, piped: bool = True) -> None:
+        """It is sent the packed Tick ``question``, which holds this ``proof``; ``piped``: down its pipe, not in datagrams."""
         self.asked, self.question = tick, question
         self._asked_at = self._told_at = now_s
-        self.tell(len(question))
+        if piped:
+            self.tell(len(question))
         self._open[tick] = proof, self._sent_bytes
 
     def tell(self, size: int) -> None:

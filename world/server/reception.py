@@ -32,6 +32,7 @@ class Reception:
     def say_bye(self) -> None:
         """To all."""
         for agent in range(len(self._peers)):
+            self._link.cast(agent, messages.pack(messages.Bye()))
             self.send(agent, messages.Bye())
 
     def greet(self, agent: int, hello: messages.Hello, now_s: float, paused: bool) -> bool:
@@ -39,7 +40,8 @@ class Reception:
         peer = self._peers[agent]
         if not peer.knock(hello.process, now_s, paused) or peer.ready:
             return False
-        told = self._briefing, self._initial_slots, peer.boot, self._flight
+        key = self._link.offer(agent, hello.process) or b""
+        told = self._briefing, self._initial_slots, peer.boot, self._flight, key
         self.send(agent, messages.Welcome(hello.process, *told))
         return True
 

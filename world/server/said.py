@@ -10,16 +10,20 @@ from world.core import Answers, Inbox, WorldCore
 
 
 class Said:
-    """By the N drones of one world. Who says nothing keeps its command and its slot."""
+    """By the N drones of one world. Who says nothing keeps its command and its slot.
+
+    Attributes:
+        command: (N, 2) [m/s^2].
+    """
 
     def __init__(self, core: WorldCore) -> None:
         agents = core.shape[1]
         self._ring, self._tick = core.ring, 0
         self._frames: list[list[bytes]] = [[b""] * agents for _ in range(core.ring)]
-        self._command, self._sent_bytes = np.zeros((agents, 2)), np.zeros(agents, np.int64)
+        self.command, self._sent_bytes = np.zeros((agents, 2)), np.zeros(agents, np.int64)
         self._claim = core.claim[0].astype(np.int64)
         # The same numbers, to be filled one by one.
-        self._command_of: memoryview[Any] = self._command.data
+        self._command_of: memoryview[Any] = self.command.data
         self._sent_bytes_of, self._claim_of = self._sent_bytes.data, self._claim.data
         self._accounts: list[tuple[int, AgentStatus]] = []
 
@@ -39,14 +43,10 @@ class Said:
             self._frames[self._tick % self._ring][agent] = reply.frame
             self._sent_bytes_of[agent] = len(reply.frame)
 
-    def coast(self, agent: int) -> None:
-        """This drone accelerates no more."""
-        self._command[agent] = 0.0
-
     def frames(self, inbox: Inbox) -> list[bytes]:
         """What arrives now."""
         return [self._frames[sent % self._ring][source] for source, sent in inbox.arrived.tolist()]
 
     def answers(self) -> Answers:
         """All of it."""
-        return Answers(self._command, self._sent_bytes, self._claim, sorted(self._accounts))
+        return Answers(self.command, self._sent_bytes, self._claim, sorted(self._accounts))

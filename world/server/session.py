@@ -3,12 +3,12 @@
 lockstep  sends tick k to every drone that answers, waits for all answers, moves on: as fast as the machine allows, and
           repeatable. It waits as long as it takes for a drone whose process is stopped, for others as world.server.patience says.
 realtime  ticks on the wall clock; an answer that is late counts as a deadline miss, and the drone keeps its last command
-          for a little, then coasts.
+          for a little, then its failsafe brakes it (world.failsafe).
 
-A drone that is lost without the mission's doing breaks the run: its process ended, or it has not answered for too long
-(realtime: `_LATE_S`). In flight it is struck off, and the others fly on to the end. All patience is counted in the world's own
-running time, so no pause of the machine, the world or the whole launch loses anybody. Whoever runs the flight hands in a
-`Control`: the launcher's end of a pipe, or nobody.
+A drone that is lost without the mission's doing breaks the run: its process ended, or it has not answered for too long. In flight
+it is struck off, and the others fly on to the end. All patience is counted in the world's own running time, so no pause of the
+machine, the world or the whole launch loses anybody. Whoever runs the flight hands in a `Control`: the launcher's end of a pipe,
+or nobody.
 """
 
 import secrets
@@ -26,18 +26,18 @@ from protocols.wire.sensed import SensedPacker
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
 from world.director import Director
+from world.failsafe import Failsafe
 from world.faults import Event
 from world.outcome import Flown
 from world.outlets.snapshot import snapshot
 from world.server.patience import Patience
-from world.server.peer import BACKLOG, FLOODS, Peer
+from world.server.peer import FLOODS, Peer
 from world.server.ports import STRUCK_OFF, Control, Link, Lost
 from world.server.reception import Reception
 from world.server.running_time import RunningTime
 from world.server.said import Said
 
 Clock = Literal["lockstep", "realtime"]
-_LATE_S = 5.0  # for one answer in real time
 _FAREWELL_S, _HASTY_FAREWELL_S = 5.0, 0.5
 _SNAPSHOT_S = 0.125
 
@@ -78,7 +78,7 @@ class WorldServer:
         self._now = 0  # the tick
         self._time, self._patience = RunningTime(), Patience(agents, control.watches)
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
-        self._misses = 0
+        self._failsafe = Failsafe(mission)
         self._told = self._told_bytes = self._heard_bytes = 0
 
     def run(self) -> Flown:
@@ -107,14 +107,15 @@ class WorldServer:
             if now - shown > _SNAPSHOT_S or not core.active[0]:
                 shown = now
                 factor = core.tick[0] * TICK_S / now
-                self._control.show(snapshot(core, self.director.statuses, factor, self._misses))
+                self._control.show(snapshot(core, self.director.statuses, factor, self._failsafe.misses))
         return self.flown()
 
     def flown(self) -> Flown:
         """What came of the flight, or would if it were interrupted now."""
         wall_s, told = time.perf_counter() - self._began, max(self._told, 1)
         sizes = (self._heard_bytes / told, self._told_bytes / told)
-        return self.director.flown(wall_s, self._first_tick_at, self._misses, sizes)
+        ages = self._failsafe.ages() if self._clock == "realtime" else None
+        return self.director.flown(wall_s, self._first_tick_at, sizes, ages)
 
     def _gather(self) -> None:
         """Welcome the drones until all are ready."""
@@ -185,10 +186,7 @@ class WorldServer:
         )
         bounds, sources = inbox.start.tolist(), inbox.arrived[:, 0].astype(np.uint8).tobytes()
         for agent in awake:
-            peer = self.peers[agent]
-            if peer.backlogged:
-                continue
-            first, end = bounds[agent], bounds[agent + 1]
+            peer, (first, end) = self.peers[agent], bounds[agent : agent + 2]
             message = messages.pack(
                 messages.Tick(
                     tick,
@@ -199,12 +197,14 @@ class WorldServer:
                     payloads[first:end],
                 )
             )
-            if not peer.room(len(message)):
-                continue
-            peer.ask(tick, proof, message, now)
+            piped = self._clock == "lockstep" or not self._link.cast(agent, message)
+            if piped:
+                if peer.backlogged or not peer.room(len(message)):
+                    continue
+                self._link.send(agent, message)
+            peer.ask(tick, proof, message, now, piped)
             self._told += 1
             self._told_bytes += len(message)
-            self._link.send(agent, message)
 
     # Waiting.
 
@@ -238,7 +238,7 @@ class WorldServer:
         return left
 
     def _keep_time(self, awake: list[int], tick: int) -> bool:
-        """Receive until the clock says that the tick is over, and count who has not answered it; as `_await`."""
+        """Receive until the clock says that the tick is over; who has not answered lately has its failsafe. As `_await`."""
         deadline = self._started + (tick + 1) * TICK_S
         while (left := deadline - self._time.now()) > 0:
             self._receive(left)
@@ -246,13 +246,16 @@ class WorldServer:
             self._receive(0)
         if (now := self._time.now()) >= self._look_at:
             self._look(now)
-        for agent in awake:
-            behind = tick - self.peers[agent].answered
-            self._misses += behind > 0
-            if behind > BACKLOG:
-                self._said.coast(agent)
-            if behind * TICK_S > _LATE_S and not self._control.paused(agent):
-                self._lose(Lost(agent, f"it has not answered for {_LATE_S:g} s"))
+        answered = np.array([peer.answered for peer in self.peers])
+        core, watch = self.core, self._failsafe
+        for agent in watch.replace_old(tick, answered, core.rows_awake, core.velocity[0], self._said.command):
+            core.land(0, agent)
+            self.struck_off(agent)
+        for agent, why in watch.silent:
+            if self._control.paused(agent):
+                watch.excuse(agent, tick)
+            else:
+                self._lose(Lost(agent, why))
         return not self._control.leaving()
 
     def _look(self, now_s: float) -> None:
@@ -337,6 +340,7 @@ class WorldServer:
         """
         peer.arrive()
         if self._clock == "realtime":
-            peer.excuse()
+            if peer.backlogged:
+                peer.excuse()
         elif peer.ask_again(self._time.now()):
             self._link.send(agent, peer.question)
