@@ -130,7 +130,7 @@ def from_world() -> Named:
         ("sensed-is-nothing", {"sensed": None}), ("heard-is-a-mapping", {"heard": {}}),
     ):  # fmt: skip
         yield name, made(Tick, **{**tick, **change})
-    welcome = {"process": 7, "initial_slots": b"", "boot": 0, "flight": bytes(8)}
+    welcome = {"process": 7, "initial_slots": b"", "boot": 0, "flight": bytes(8), "datagram_key": b""}
     yield "mission-of-a-list", made(Welcome, **welcome, mission={"agents": [3]})
     yield "mission-with-a-long-text", made(Welcome, **welcome, mission={"policy": "a" * 5000})
     yield "mission-is-text", made(Welcome, **welcome, mission="x")

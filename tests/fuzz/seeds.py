@@ -118,6 +118,7 @@ def from_world() -> Iterator[bytes]:
         initial_slots=bytes(range(AGENTS)),
         boot=1,
         flight=bytes(8),
+        datagram_key=b"",
     )
     heard = list(frames())
     yield made(Tick, tick=3, sensed=SensedPacker(rows).pack(0), sources=bytes(range(len(heard))), heard=heard)
