@@ -83,7 +83,7 @@ def world() -> Iterator[Met]:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
     heard: queue.Queue[tuple[int, bytes]] = queue.Queue()
-    one = WorldDatagrams([endpoint, "unixsock-stream//nowhere"], heard.put)
+    one = WorldDatagrams([endpoint, "unixsock-stream//nowhere"], lambda *what: heard.put(what))
     yield one, heard, endpoint
     one.close()
 

@@ -32,8 +32,8 @@ class WorldDatagrams:
     Raises LinkError when it cannot listen there.
     """
 
-    def __init__(self, endpoints: Sequence[str], hand_on: Callable[[int, int, bytes], None]) -> None:
-        """``hand_on`` is called with the drone, the size and the text of each message, in threads of this object."""
+    def __init__(self, endpoints: Sequence[str], hand_on: Callable[[int, bytes], None]) -> None:
+        """``hand_on`` is called with each drone and message, in threads of this object."""
         self._hand_on, self._closed = hand_on, threading.Event()
         self._peers: dict[int, _Peer] = {}
         self._sockets: list[socket.socket] = []
@@ -93,7 +93,7 @@ class WorldDatagrams:
             if genuine:
                 peer.way = one, address
             if message is not None:
-                self._hand_on(agent, len(message), message)
+                self._hand_on(agent, message)
 
     def close(self) -> None:
         self._closed.set()

@@ -168,7 +168,7 @@ class WorldLink(Closing):
         self._session = _open_router(credentials, endpoints)
         self._lookout = Lookout()
         try:
-            self._datagrams = WorldDatagrams(endpoints if realtime else (), self._let_in)
+            self._datagrams = WorldDatagrams(endpoints if realtime else (), self._hear_datagram)
             self._session.declare_subscriber(
                 keys.every_tx(swarm), zenoh.handlers.Callback(self._hear, indirect=False)
             )
@@ -202,9 +202,12 @@ class WorldLink(Closing):
         """In a thread of Zenoh's: take in what came, if there is room for it."""
         agent = self._agent_of_key.get(str(sample.key_expr))
         if agent is not None:
-            self._let_in(agent, len(sample.payload), sample)
+            self._let_in(agent, sample, len(sample.payload))
 
-    def _let_in(self, agent: int, size: int, what: zenoh.Sample | bytes) -> None:
+    def _hear_datagram(self, agent: int, message: bytes) -> None:
+        self._let_in(agent, message, len(message))
+
+    def _let_in(self, agent: int, what: zenoh.Sample | bytes, size: int) -> None:
         if agent in self._barred:
             return
         with self._lock:
