@@ -96,6 +96,12 @@ class _Turned:
             Turn(swarm, me, self._agents, self._asked, message, say, self._open, self._random, memory, seals)
         )
 
+    def use_datagrams(self, key: bytes) -> None:
+        """It says all down its pipe, where the world must bear it."""
+
+    def cast(self, payload: bytes) -> bool:
+        return False
+
 
 class Insider:
     """The process of the drone that has turned, to be started in place of an honest one (rsc_swarm.flight.launch.launch)."""

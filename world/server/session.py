@@ -115,7 +115,7 @@ class WorldServer:
         wall_s, told = time.perf_counter() - self._began, max(self._told, 1)
         sizes = (self._heard_bytes / told, self._told_bytes / told)
         ages = self._failsafe.ages() if self._clock == "realtime" else None
-        return self.director.flown(wall_s, self._first_tick_at, sizes, ages)
+        return self.director.flown(wall_s, self._first_tick_at, sizes, command_ages=ages)
 
     def _gather(self) -> None:
         """Welcome the drones until all are ready."""
