@@ -105,11 +105,13 @@ def test_the_status_tells_what_the_drone_believes_and_has_done() -> None:
 
 
 def test_a_restarted_row_knows_nothing_and_learns_its_slot_from_the_others() -> None:
-    simulation = flown(mission(start={"scrambled": True}, seed=6), 150)
+    restart = {"at_s": 1.5, "kind": "restart", "slots": [5]}
+    simulation = flown(mission(start={"scrambled": True}, seed=6, faults=[restart]), 150)
     agents = simulation.agents
     known = agents._views.slot_of[1].copy()
     assert known.tolist() != simulation.world.initial_slots[0].tolist()
-    agents.restart(3, simulation.clock, boot=1)
+    assert simulation.world.initial_slots[0, 3] == 5
+    simulation.tick()
     assert agents._views.slot_of[3].tolist() == simulation.world.initial_slots[0].tolist()
     for _ in range(10):
         simulation.tick()

@@ -1,6 +1,7 @@
 """The world as a server: whatever drones say or leave unsaid, it flies on, and nobody else is moved by it."""
 
 import functools
+import itertools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +19,7 @@ from rsc_swarm.flight.simulate import simulate
 from tests.loopback import Hosted, Loopback, fly
 from world import failsafe
 from world.outcome import Flown, StruckOff
-from world.server import patience, peer, running_time
+from world.server import patience, peer, running_time, session
 from world.server.ports import STRUCK_OFF, Lost
 from world.server.session import Clock, ServerError, WorldServer
 
@@ -276,7 +277,9 @@ def test_a_pause_of_the_world_is_nobodys_silence(monkeypatch: pytest.MonkeyPatch
             clock[0] += 3600.0
         return [reply]
 
-    monkeypatch.setattr(running_time.time, "monotonic", lambda: clock[0] + time.perf_counter())
+    monkeypatch.setattr(
+        session, "RunningTime", lambda: running_time.RunningTime(lambda: clock[0] + time.perf_counter())
+    )
     assert fly(task, lag).outcome == simulate([task])[0]
 
 
@@ -342,6 +345,13 @@ def test_a_drone_that_answers_blindly_does_not_answer() -> None:
     assert [struck.agent for struck in blind.outcome.struck_off] == [3]
 
 
+@pytest.fixture
+def an_even_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A millisecond passes between two looks at the clock, however busy the machine is that tests."""
+    looks = itertools.count()
+    monkeypatch.setattr(session, "RunningTime", lambda: running_time.RunningTime(lambda: 1e-3 * next(looks)))
+
+
 FLOODS = {
     "hello": lambda reply: messages.pack(Hello(messages.VERSION, 103)),
     "hello of others": lambda reply: messages.pack(Hello(messages.VERSION, 9)),
@@ -352,6 +362,7 @@ FLOODS = {
 }
 
 
+@pytest.mark.usefixtures("an_even_clock")
 @pytest.mark.parametrize("say", FLOODS.values(), ids=FLOODS.keys())
 def test_whoever_floods_the_world_is_struck_off_and_the_others_are_told_all_the_time_that_it_lives(
     say: Callable[[bytes], bytes],
@@ -365,6 +376,7 @@ def test_whoever_floods_the_world_is_struck_off_and_the_others_are_told_all_the_
     assert swarm.told[3] < 2500
 
 
+@pytest.mark.usefixtures("an_even_clock")
 def test_whoever_is_turned_away_too_often_is_struck_off() -> None:
     def push(agent: int, tick: int, reply: bytes) -> list[bytes]:
         swarm.refused[3] = 100 * tick
