@@ -24,7 +24,7 @@ from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.sensed import Packed
 from protocols.wire.status import AgentStatus, parse_status
 
-VERSION = 5
+VERSION = 6
 WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
 SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
