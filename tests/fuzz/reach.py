@@ -10,8 +10,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import coverage
-
 from tests.fuzz.harmful import harmful
 from tests.fuzz.targets import TARGETS, Target, is_declared
 
@@ -51,6 +49,8 @@ def read_all(target: Target, inputs: Iterable[bytes]) -> None:
 
 def reach(target: Target, inputs: Iterable[bytes]) -> Reach:
     """The branches of the target's decoders that these inputs take."""
+    import coverage  # of the extra fuzz; whoever only reads the corpus does without
+
     files = sorted({_file(decoder) for decoder in target.decoders})
     if not files:
         read_all(target, inputs)
