@@ -1,6 +1,6 @@
 """What all tests share: random examples may take their time on a busy machine, and Ctrl-C works.
 
-A test run that was started in the background ignores Ctrl-C, and so would every process that it starts.
+A test run that was started in the background ignores Ctrl-C, one by nohup SIGHUP, and so would every process that it starts.
 """
 
 import signal
@@ -14,6 +14,8 @@ settings.load_profile("swarm")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(autouse=True)

@@ -23,6 +23,7 @@ def _carry_out(words: list[str]) -> int:
     try:
         from rsc_swarm.cli.commands import app
 
+        os.getcwd()  # raises where the folder is gone: every path would be blamed for it
         code = app(words, prog_name="rsc-swarm", standalone_mode=False)
         sys.stdout.flush()
     except KeyboardInterrupt:

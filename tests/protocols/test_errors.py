@@ -13,6 +13,7 @@ from protocols.errors import BrokenError, ExitCode, SwarmError
 
 # Verdicts on what came over the air or was asked of a pure rule: their callers answer them, no user meets them.
 _INTERNAL = {"FrameError", "MessageError", "IllegalSwap"}
+_INTERRUPTED = {"PolicyStuck"}  # known of only because somebody asked to leave
 _OURS = ("protocols", "agent", "world", "rsc_swarm")
 
 
@@ -33,4 +34,7 @@ def test_an_error_has_an_exit_code(error: type[Exception]) -> None:
     if error.__name__ in _INTERNAL:
         return
     assert issubclass(error, SwarmError)
+    if error.__name__ in _INTERRUPTED:
+        assert error.exit_code is ExitCode.INTERRUPTED
+        return
     assert error.exit_code is (ExitCode.BROKEN if issubclass(error, BrokenError) else ExitCode.BAD_USAGE)

@@ -1,5 +1,6 @@
 """Twins: a flight in real processes is, bit for bit, the flight of the same mission in one process."""
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -38,8 +39,8 @@ RADIOS: dict[str, Fields] = {
 def simulated(fields: Fields) -> Fields:
     """The outcome of the same flight in this process."""
     outcome = asdict(simulate([parse_mission(fields)])[0])
-    outcome["lost_agents"] = list(outcome["lost_agents"])
-    return outcome
+    told: Fields = json.loads(json.dumps(outcome))  # as a report tells it
+    return told
 
 
 def reported(fields: Fields) -> Fields:
