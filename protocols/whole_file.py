@@ -56,7 +56,6 @@ def _nameless(otherwise: Path, mode: int) -> BinaryIO:
     try:
         return os.fdopen(os.open(otherwise.parent, os.O_TMPFILE | os.O_WRONLY, mode), "wb")
     except OSError:  # EOPNOTSUPP, EISDIR, EINVAL, ...: what really stands in the way, opening by name says
-        otherwise.unlink(missing_ok=True)
         otherwise.unlink(missing_ok=True)  # of a process of this number, long ago
         return open(otherwise, "wb", opener=lambda path, flags: os.open(path, flags, mode))
 
