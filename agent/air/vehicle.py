@@ -1,0 +1,154 @@
+"""The port of a vehicle: what a drone's process asks of whatever flies it (a body of the air), and what a vehicle says of itself.
+
+The frame of the room: metres, m/s, m/s²; x east, y north, z up (ENU) from the room's own origin; yaw in radians from x to y.
+Where north is in a room, the fleet file decides; a vehicle that speaks NED turns that at its own border (agent.air.place).
+
+- No call waits for the vehicle: a command is passed on, and `Vehicle.state` tells what became of it.
+- Whoever flies calls `Vehicle.state` at 100 Hz; a vehicle without a thread of its own does its reading there.
+- The failsafe is the vehicle's own, for the process that speaks to it may die: setpoints that stop for `Failsafe.hold_s` are a
+  hold, for `Failsafe.land_s` a landing.
+"""
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import NamedTuple, Protocol
+
+from protocols.errors import BrokenError, SwarmError
+
+Vector = tuple[float, float, float]  #: (x, y, z) in the room
+
+
+class VehicleError(BrokenError, RuntimeError):
+    """The vehicle cannot be reached, or refuses; one line says what is wrong and what would be right."""
+
+
+class VehicleAddressError(SwarmError, ValueError):
+    """An address that no vehicle has; one line says how one is written."""
+
+
+class Mode(StrEnum):
+    """What a vehicle does."""
+
+    GROUND = "ground"  # stands, motors off or idling
+    CLIMB = "climb"
+    HOLD = "hold"
+    FOLLOW = "follow"  # setpoints
+    LAND = "land"
+    DEAD = "dead"  # motors cut in flight: it falls, or has fallen
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What a vehicle says of itself.
+
+    Attributes:
+        p, v: position [m] and velocity [m/s] in the room. yaw, tilt: radians; tilt is the angle between its up and the room's.
+        age_s: since this position was measured, by the vehicle's own knowledge; infinite before the first.
+        battery: 0 to 1.
+        health: what is wrong with it, in words; empty: nothing.
+    """
+
+    p: Vector
+    v: Vector
+    yaw: float
+    tilt: float
+    age_s: float
+    battery: float
+    mode: Mode
+    armed: bool
+    health: tuple[str, ...] = ()
+
+
+class Setpoint(NamedTuple):
+    """Where to be now, how fast, and what to add: position [m], velocity [m/s], acceleration [m/s²] in the room; yaw [rad]."""
+
+    p: Vector
+    v: Vector
+    a: Vector
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True)
+class Failsafe:
+    """After how long without a setpoint a vehicle that follows them holds, and lands [s]."""
+
+    hold_s: float = 0.15
+    land_s: float = 1.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What a vehicle is told when it is made.
+
+    Attributes:
+        drone: its number. start: where it stands, in the room. speed_mps, acceleration_mps2: its limits, in the room.
+        options: the text values under ``options`` of its drone in the fleet file; what they mean is the vehicle's affair.
+    """
+
+    drone: int
+    start: Vector
+    speed_mps: float
+    acceleration_mps2: float
+    failsafe: Failsafe = Failsafe()
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+class Vehicle(Protocol):
+    """A body of the air. Any call may raise `VehicleError`; after `close` none is made."""
+
+    def open(self, timeout_s: float) -> None:
+        """Reach it, and return when its state is known.
+
+        Raises:
+            VehicleError: it is not there, within ``timeout_s``.
+        """
+
+    def state(self) -> State:
+        """What it said last. Never waits."""
+
+    def arm(self) -> None:
+        """Motors may run; in time ``state().armed`` is true."""
+
+    def take_off(self, height: float) -> None:
+        """Climb to ``height`` [m] above the room's floor where it stands, then hold."""
+
+    def fly(self, setpoint: Setpoint) -> None:
+        """Follow this until the next; called at 50 to 100 Hz as long as it is to follow."""
+
+    def hold(self) -> None:
+        """Stop, and stay there."""
+
+    def land(self) -> None:
+        """Come down where it is, motors off; then it is disarmed. No setpoint changes that."""
+
+    def kill(self) -> None:
+        """Cut the motors now, wherever it is. No order after this one is obeyed."""
+
+    def close(self) -> None:
+        """Let go of it. One that flies is left to its own failsafe."""
+
+
+#: Kind of vehicle -> module and class; a class is made of (address, rig).
+VEHICLES = {
+    "point": ("agent.air.point", "PointVehicle"),
+}
+
+
+def make_vehicle(address: str, rig: Rig) -> Vehicle:
+    """The vehicle at ``address``, ``KIND:WHERE``; what WHERE means is its kind's affair. It is not opened.
+
+    Raises:
+        VehicleAddressError: no such kind, or its kind cannot read WHERE.
+        VehicleError: what the kind needs is not installed.
+    """
+    kind, colon, where = address.partition(":")
+    if not colon or kind not in VEHICLES:
+        raise VehicleAddressError(
+            f"{address!r} is no vehicle: write KIND:WHERE with KIND one of {', '.join(sorted(VEHICLES))}, "
+            "for example point:"
+        )
+    module, name = VEHICLES[kind]
+    made: Vehicle = getattr(importlib.import_module(module), name)(where, rig)
+    return made
