@@ -1,0 +1,186 @@
+"""The fleet file: which vehicles fly a mission in which room, and what keeps them in it.
+
+YAML with the fields below. What a field alone can have wrong is refused here; what fields say about each other and about the
+mission, in protocols.fleet.plan. All metres are of the room.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, Strict, ValidationError, model_validator
+
+from protocols.errors import SwarmError
+from protocols.mission.findings import explain_as
+from protocols.mission.reading import ReadingError, read_yaml_file
+from protocols.mission.values import (
+    Count,
+    Line,
+    Number,
+    Place,
+    Point,
+    Positive,
+    Probability,
+    Section,
+)
+from protocols.wire.keys import MAX_AGENTS
+
+LEAST_SCALE, MOST_SCALE = 0.25, 1.0
+
+Seconds = Annotated[Number, Field(ge=0.01, le=3600)]
+Degrees = Annotated[Number, Field(ge=-360, le=360)]
+Angle = Annotated[Number, Field(gt=0, le=180)]
+Height = Annotated[Number, Field(ge=0.2, le=500)]
+
+
+class FleetError(SwarmError, ValueError):
+    """A fleet that cannot be flown; the text is one line: the field, what is wrong, what would be right."""
+
+
+class Fence(Section):
+    """The part of the room that no drone leaves: west to east, south to north, floor to ceiling."""
+
+    x_m: tuple[Place, Place]
+    y_m: tuple[Place, Place]
+    z_m: tuple[Place, Place] = (-0.2, 2.5)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Fence":
+        for name in ("x_m", "y_m", "z_m"):
+            low, high = getattr(self, name)
+            if low >= high:
+                raise ValueError(
+                    f"{name}: [{low:g}, {high:g}] is upside down; write the smaller number first"
+                )
+        return self
+
+
+class Guard(Section):
+    """The limits of the guard (agent.air.guard): beyond ``..._hold`` a drone holds, beyond ``..._land`` it lands."""
+
+    fence_margin_m: Positive = Field(
+        0.2, description="room kept between the way of the mission and the fence"
+    )
+    fence_land_m: Positive = Field(0.5, description="so far outside of the fence it lands")
+    position_hold_s: Seconds = Field(0.15, description="age of the position")
+    position_land_s: Seconds = 0.5
+    jump_m: Positive = Field(0.5, description="a position that moves so much at once is none")
+    clock_hold_ms: Positive = Field(20.0, description="difference of the clock from the median of the others")
+    clock_land_ms: Positive = 200.0
+    peers_hold_s: Seconds = Field(4.5, description="nobody heard")
+    operator_hold_s: Seconds = Field(2.0, description="the operator not heard")
+    operator_land_s: Seconds = 10.0
+    battery_arm: Probability = Field(0.5, description="below it no drone is armed")
+    battery_land: Probability = 0.2
+    tilt_land_deg: Angle = 50.0
+    tilt_kill_deg: Angle = Field(100.0, description="beyond it it has turned over: the motors are cut")
+    reaction_s: Seconds = Field(0.15, description="how late it brakes, where it counts on what lies ahead")
+    setpoint_m: Positive = Field(1.0, description="a setpoint farther than this from where it is")
+    hold_s: Seconds = Field(10.0, description="who has held for so long lands")
+    abort_s: Seconds = Field(2.0, description="and after an abort")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Guard":
+        for first, second in (
+            ("position_hold_s", "position_land_s"),
+            ("clock_hold_ms", "clock_land_ms"),
+            ("operator_hold_s", "operator_land_s"),
+            ("tilt_land_deg", "tilt_kill_deg"),
+            ("battery_land", "battery_arm"),
+        ):
+            if getattr(self, first) >= getattr(self, second):
+                raise ValueError(
+                    f"{first}: {getattr(self, first):g} is not less than {second} = {getattr(self, second):g}; give less"
+                )
+        return self
+
+
+class AirRadio(Section):
+    """Frames between the drones."""
+
+    frame_rate_hz: Annotated[Number, Field(ge=5, le=100)] = 25.0
+    loss: Annotated[Probability, Field(le=0.9)] = Field(
+        0.2, description="share of frames expected to be lost: so long is waited until a drone counts as dead"
+    )
+    port: Annotated[Count, Field(ge=1024, le=65000)] = Field(
+        7450, description="the operator's on this machine; drone i has the i-th after it"
+    )
+
+
+class DroneSpec(Section):
+    """One drone."""
+
+    number: Annotated[Count, Field(ge=0, lt=MAX_AGENTS)]
+    body: Line = Field("point:", description="KIND:WHERE, as agent.air.vehicle has it")
+    dongle: Annotated[Count, Field(ge=0)] | None = Field(
+        None, description="the radio it is flown by, if it shares one"
+    )
+    start_m: Point | None = Field(None, description="where it stands; none: at its slot")
+    address: Line | None = Field(
+        None, description="where its process is reached, udp/HOST:PORT; none: on this machine"
+    )
+    options: dict[Line, Annotated[str, Strict()]] = Field({}, description="for its kind of body")
+
+
+class Fleet(Section):
+    """A fleet file."""
+
+    mission: Line = Field(description="a mission that comes with the project, or a file beside this one")
+    origin_m: Point = Field(description="where the mission's origin lies in the room")
+    yaw_deg: Degrees = Field(0.0, description="where the mission's x points, from east to north")
+    scale: Annotated[Number, Field(ge=LEAST_SCALE, le=MOST_SCALE)] = Field(
+        0.3, description="metres of the room per metre of the mission"
+    )
+    height_m: Height = 1.0
+    slot_heights_m: tuple[Height, ...] | None = Field(
+        None, description="one for each slot, instead of height_m"
+    )
+    fence: Fence
+    obstacles_m: tuple[tuple[Place, Place, Positive], ...] | None = Field(
+        None, description="x, y, radius of what stands in the room; none: the mission's own"
+    )
+    guard: Guard = Guard()
+    radio: AirRadio = AirRadio()
+    ground: Line | None = Field(None, description="where the operator is reached, as address of a drone")
+    keys: Line | None = Field(None, description="folder of keys, beside this file")
+    drones: tuple[DroneSpec, ...]
+
+    def address(self, drone: int) -> str:
+        """Where the process of a drone is reached."""
+        return self.drones[drone].address or f"udp/127.0.0.1:{self.radio.port + 1 + drone}"
+
+    @property
+    def ground_address(self) -> str:
+        """Where the operator is reached."""
+        return self.ground or f"udp/127.0.0.1:{self.radio.port}"
+
+
+def parse_fleet(fields: dict[str, Any], source: str = "fleet") -> Fleet:
+    """A fleet from plain fields; its drones by their numbers.
+
+    Raises:
+        FleetError: one line, naming ``source``, the field and what would be right.
+    """
+    try:
+        fleet = Fleet.model_validate(fields)
+    except ValidationError as error:
+        raise FleetError(f"{source}: {explain_as(Fleet, error)}") from None
+    numbers = sorted(drone.number for drone in fleet.drones)
+    if numbers != list(range(len(numbers))):
+        raise FleetError(
+            f"{source}: drones: their numbers are {', '.join(map(str, numbers)) or 'none'}; "
+            "number them from 0, each once, as the mission does"
+        )
+    return fleet.model_copy(update={"drones": tuple(sorted(fleet.drones, key=lambda drone: drone.number))})
+
+
+def read_fleet(path: Path) -> Fleet:
+    """The fleet in a file.
+
+    Raises:
+        FleetError: it cannot be read, or as parse_fleet.
+    """
+    try:
+        fields = read_yaml_file(path)
+    except ReadingError as error:
+        raise FleetError(str(error)) from None
+    return parse_fleet(fields, str(path))

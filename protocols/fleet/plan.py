@@ -1,0 +1,196 @@
+"""A fleet and its mission laid together: the plan of a flight in a room, and whether it can be flown. Pure."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+from protocols.dynamics import TICK_S, ticks_of
+from protocols.fleet.document import Fleet, FleetError
+from protocols.fleet.place import Flat, Place
+from protocols.mission import needs
+from protocols.mission.document import Mission, MissionError, parse_mission
+
+Disc = tuple[float, float, float]
+
+_SETTLE_S = 2.5  # flown on after the formation can be beyond the goal line
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is flown in the room.
+
+    mission: as the drones fly it: neighbours known from their frames, at the rate of the fleet's radio.
+    """
+
+    fleet: Fleet
+    mission: Mission
+
+    @cached_property
+    def place(self) -> Place:
+        """How the mission lies in the room."""
+        return Place(self.fleet.origin_m, math.radians(self.fleet.yaw_deg), self.fleet.scale)
+
+    @property
+    def limit_m(self) -> float:
+        """Nearer than this is a collision, in the room."""
+        return self.mission.limits.collision_m * self.fleet.scale
+
+    @property
+    def speed_mps(self) -> float:
+        """No drone is asked to fly faster, in the room."""
+        return self.mission.limits.speed_mps * self.fleet.scale
+
+    @property
+    def acceleration_mps2(self) -> float:
+        """No drone is asked to accelerate more, in the room."""
+        return self.mission.limits.acceleration_mps2 * self.fleet.scale
+
+    @cached_property
+    def ticks(self) -> int:
+        """How long is flown after `go`."""
+        return ticks_of(round(needs.least_flight_s(self.mission) + _SETTLE_S + self.mission.hold_s, 1))
+
+    @cached_property
+    def starts(self) -> tuple[Flat, ...]:
+        """Where each drone stands."""
+        slots = self.slots_at(0)
+        return tuple(drone.start_m or slots[drone.number] for drone in self.fleet.drones)
+
+    @cached_property
+    def obstacles(self) -> tuple[Disc, ...]:
+        """Discs of the room."""
+        if self.fleet.obstacles_m is not None:
+            return self.fleet.obstacles_m
+        discs = self.mission.obstacles.discs or ()
+        return tuple((*self.place.to_room((x, y)), radius * self.fleet.scale) for x, y, radius in discs)
+
+    @cached_property
+    def mission_obstacles(self) -> tuple[Disc, ...]:
+        """The same in the mission's frame."""
+        return tuple(
+            (*self.place.to_mission((x, y)), radius / self.fleet.scale) for x, y, radius in self.obstacles
+        )
+
+    def slots_at(self, tick: int) -> tuple[Flat, ...]:
+        """Where the slots are in the room, so many ticks after `go`."""
+        target = self.mission.target.speed_mps * TICK_S * tick
+        return tuple(self.place.to_room((target + x, y)) for x, y in self.mission.plan.offsets.tolist())
+
+    def height(self, slot: int) -> float:
+        """At which height a slot flies."""
+        heights = self.fleet.slot_heights_m
+        return self.fleet.height_m if heights is None else heights[slot]
+
+    @cached_property
+    def fleet_digest(self) -> str:
+        """Of the fleet file; equal for all who fly together."""
+        return _digest(self.fleet.model_dump(mode="json", exclude={"keys"}))
+
+    @cached_property
+    def mission_digest(self) -> str:
+        """Of the mission; equal for all who fly together."""
+        return _digest(self.mission.model_dump(mode="json"))
+
+
+def make_plan(fleet: Fleet, mission: Mission, source: str = "fleet") -> Plan:
+    """The plan of ``fleet`` flying ``mission``.
+
+    Raises:
+        FleetError: it cannot be flown; one line: the field, what is wrong, what would be right.
+    """
+    try:
+        _check_before(fleet, mission)
+        plan = Plan(fleet, _on_air(fleet, mission))
+        for check in _CHECKS:
+            check(plan)
+    except (FleetError, MissionError) as error:
+        raise FleetError(f"{source}: {error}") from None
+    return plan
+
+
+def _digest(fields: object) -> str:
+    return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _on_air(fleet: Fleet, mission: Mission) -> Mission:
+    fields = mission.model_dump(mode="json")
+    fields["sensing"]["neighbours"] = "heard"
+    fields["radio"] |= {"frame_rate_hz": fleet.radio.frame_rate_hz, "loss": fleet.radio.loss}
+    fields["faults"] = []  # what goes wrong on the air, nobody has to be told
+    return parse_mission(fields, f"mission {mission.name}")
+
+
+def _check_before(fleet: Fleet, mission: Mission) -> None:
+    if len(fleet.drones) != mission.agents:
+        raise FleetError(
+            f"drones: {len(fleet.drones)}, and mission {fleet.mission} is for {mission.agents}; list as many"
+        )
+    if fleet.slot_heights_m is not None and len(fleet.slot_heights_m) != mission.agents:
+        raise FleetError(
+            f"slot_heights_m: {len(fleet.slot_heights_m)} heights for {mission.agents} slots; give as many"
+        )
+    by_chance = mission.obstacles.discs is None and mission.obstacles.count[1] > 0
+    if by_chance and fleet.obstacles_m is None:
+        raise FleetError(
+            f"obstacles_m: mission {fleet.mission} draws its obstacles by chance, and a room has its own; "
+            "list them, or [] where there are none"
+        )
+
+
+def _check_addresses(plan: Plan) -> None:
+    fleet = plan.fleet
+    ends = [(f"drone {drone.number}", fleet.address(drone.number)) for drone in fleet.drones]
+    for (one, first), (other, second) in combinations([("the operator", fleet.ground_address), *ends], 2):
+        if first == second:
+            raise FleetError(
+                f"drones: {one} and {other} are both reached at {first}; give each its own address"
+            )
+    for a, b in combinations(fleet.drones, 2):
+        if a.body == b.body and not a.body.startswith("point:"):
+            raise FleetError(
+                f"drones: {a.number} and {b.number} have both the body {a.body}; give each its own"
+            )
+
+
+def _check_distances(plan: Plan) -> None:
+    limit = plan.limit_m
+    slots = plan.slots_at(0)
+    for what, points in (("start_m: drones", plan.starts), ("scale: slots", slots)):
+        for (i, one), (j, other) in combinations(enumerate(points), 2):
+            if math.dist(one, other) < limit:
+                raise FleetError(
+                    f"{what} {i} and {j} are {math.dist(one, other):.2f} m apart, and {limit:.2f} m is a collision; "
+                    "move them apart"
+                )
+    for index, (x, y, radius) in enumerate(plan.obstacles):
+        for drone, start in enumerate(plan.starts):
+            if math.dist(start, (x, y)) - radius < limit:
+                raise FleetError(
+                    f"start_m: drone {drone} stands {math.dist(start, (x, y)) - radius:.2f} m from obstacle {index}, and "
+                    f"{limit:.2f} m is a collision; move it away"
+                )
+
+
+def _check_fence(plan: Plan) -> None:
+    fence, margin = plan.fleet.fence, plan.fleet.guard.fence_margin_m
+    way = [*plan.starts, *plan.slots_at(0), *plan.slots_at(plan.ticks)]
+    heights = [plan.height(slot) for slot in range(plan.mission.agents)]
+    for name, (low, high), values in (
+        ("x_m", fence.x_m, [x for x, _ in way]),
+        ("y_m", fence.y_m, [y for _, y in way]),
+        ("z_m", (fence.z_m[0] - margin, fence.z_m[1]), [0.0, *heights]),
+    ):
+        needs_low, needs_high = min(values) - margin, max(values) + margin
+        if needs_low < low - 1e-9 or needs_high > high + 1e-9:
+            raise FleetError(
+                f"fence.{name}: [{low:g}, {high:g}] is smaller than the way; give at least "
+                f"[{math.floor(100 * needs_low) / 100:g}, {math.ceil(100 * needs_high) / 100:g}], "
+                "or another origin_m, yaw_deg or scale"
+            )
+
+
+_CHECKS: tuple[Callable[[Plan], None], ...] = (_check_addresses, _check_distances, _check_fence)

@@ -1,0 +1,138 @@
+"""A fleet that cannot be flown is refused in one line that says where and what would be right."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.fleet.document import Fleet, FleetError, parse_fleet, read_fleet
+from protocols.fleet.plan import Plan, make_plan
+from protocols.mission.document import Mission, parse_mission
+
+MISSION = parse_mission(
+    {
+        "name": "three",
+        "agents": 3,
+        "formation": {"shape": "triangle"},
+        "target": {"speed_mps": 2},
+        "obstacles": {"discs": [[10, 0, 1]]},
+        "goal_x_m": 12,
+    }
+)
+
+
+def fleet(**changes: Any) -> Fleet:
+    fields: dict[str, Any] = {
+        "mission": "three",
+        "origin_m": [-3, 0],
+        "scale": 0.3,
+        "fence": {"x_m": [-4, 5], "y_m": [-2, 2]},
+        "drones": [
+            {"number": number, "body": f"mavlink:udpin:0.0.0.0:{14550 + number}"} for number in range(3)
+        ],
+    }
+    return parse_fleet(fields | changes)
+
+
+def plan(mission: Mission = MISSION, **changes: Any) -> Plan:
+    return make_plan(fleet(**changes), mission)
+
+
+def drones(*specs: dict[str, Any]) -> list[dict[str, Any]]:
+    return [{"number": number, "body": "point:"} | spec for number, spec in enumerate(specs)]
+
+
+def test_lengths_speeds_and_obstacles_are_the_missions_to_scale() -> None:
+    made = plan()
+    assert made.limit_m == pytest.approx(0.15)
+    assert made.speed_mps == pytest.approx(3.0)
+    assert made.acceleration_mps2 == pytest.approx(3.0)
+    ((x, y, radius),) = made.obstacles
+    assert (x, y, radius) == pytest.approx((0.0, 0.0, 0.3))
+    assert made.mission_obstacles[0] == pytest.approx((10.0, 0.0, 1.0))
+
+
+def test_drones_hear_of_each_other_only_by_frames_at_the_rate_of_the_air() -> None:
+    made = plan()
+    assert made.mission.sensing.neighbours == "heard"
+    assert made.mission.radio.frame_rate_hz == 25.0
+
+
+def test_who_gives_no_start_stands_at_its_slot() -> None:
+    made = plan(drones=drones({}, {"start_m": [-3.5, 0.1]}, {}))
+    slots = made.slots_at(0)
+    assert made.starts == (slots[0], (-3.5, 0.1), slots[2])
+
+
+def test_the_flight_ends_when_the_formation_has_had_time_behind_the_goal() -> None:
+    made = plan()
+    rear = min(x for x, _ in made.slots_at(made.ticks))
+    goal, _ = made.place.to_room((12.0, 0.0))
+    assert goal < rear < goal + 2.0
+
+
+def test_other_missions_and_fleets_have_other_digests() -> None:
+    made, other = plan(), plan(height_m=1.2)
+    assert made.fleet_digest == plan().fleet_digest == plan(keys="keys").fleet_digest
+    assert made.fleet_digest != other.fleet_digest
+    assert made.mission_digest == other.mission_digest
+    faster = MISSION.model_copy(update={"target": MISSION.target.model_copy(update={"speed_mps": 1.9})})
+    assert plan(faster).mission_digest != made.mission_digest
+
+
+BAD: list[tuple[str, dict[str, Any], str]] = [
+    ("an unknown field", {"hight_m": 1}, "hight_m: unknown field; known here: drones"),
+    ("an unknown field of a drone", {"drones": [{"number": 0, "uri": "x"}]}, "drones.0.uri: unknown field"),
+    ("a scale too small", {"scale": 0.2}, "scale: .*0.25"),
+    ("a scale too large", {"scale": 1.5}, "scale: .*1"),
+    ("text for a scale", {"scale": "0.3"}, "scale: .*number"),
+    ("too few drones", {"drones": drones({}, {})}, "drones: 2, and mission three is for 3"),
+    ("nobody", {"drones": []}, "drones: "),
+    ("a number twice", {"drones": drones({}, {}, {"number": 1})}, "numbers are 0, 1, 1; number them from 0"),
+    ("a number left out", {"drones": drones({}, {}, {"number": 3})}, "numbers are 0, 1, 3"),
+    ("two at one address", {"drones": drones({"address": "udp/10.0.0.1:7"}, {}, {"address": "udp/10.0.0.1:7"})},
+     "drone 0 and drone 2 are both reached at udp/10.0.0.1:7"),
+    ("the operator's address", {"ground": "udp/127.0.0.1:7452"}, "the operator and drone 1 are both"),
+    ("one body twice", {"drones": drones({}, {"body": "crazyflie:E7"}, {"body": "crazyflie:E7"})},
+     "drones: 1 and 2 have both the body crazyflie:E7"),
+    ("starts too near", {"drones": drones({}, {"start_m": [-3, 0.1]}, {"start_m": [-3, 0]})}, "0.10 m apart, and 0.15 m"),
+    ("a start in an obstacle", {"obstacles_m": [[-3, 0.1, 0.1]]}, "stands .* m from obstacle 0"),
+    ("a short fence", {"fence": {"x_m": [-4, 2], "y_m": [-2, 2]}}, r"fence.x_m: .* smaller than the way; give at least \["),
+    ("a narrow fence", {"fence": {"x_m": [-4, 5], "y_m": [0.5, 2]}}, "fence.y_m: .* smaller than the way"),
+    ("a low fence", {"fence": {"x_m": [-4, 5], "y_m": [-2, 2], "z_m": [0, 1.1]}}, "fence.z_m: .* smaller than the way"),
+    ("a fence upside down", {"fence": {"x_m": [5, -4], "y_m": [-2, 2]}}, "x_m: .* upside down"),
+    ("a turned mission", {"yaw_deg": 90}, "fence.x_m: .* smaller than the way"),
+    ("no fence", {"fence": None}, "fence: "),
+    ("too few heights", {"slot_heights_m": [1, 1.2]}, "slot_heights_m: 2 heights for 3 slots"),
+    ("limits upside down", {"guard": {"position_hold_s": 2}}, "position_hold_s: 2 is not less than position_land_s"),
+    ("a frame rate between", {"radio": {"frame_rate_hz": 70}}, "frame_rate_hz: 70 Hz .* nearest"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "why"), [bad[1:] for bad in BAD], ids=[bad[0] for bad in BAD])
+def test_what_cannot_be_flown_is_refused(changes: dict[str, Any], why: str) -> None:
+    with pytest.raises(FleetError, match=why) as refusal:
+        plan(**changes)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_room_must_say_what_stands_in_it() -> None:
+    by_chance = parse_mission({"agents": 3, "formation": {"shape": "triangle"}})
+    with pytest.raises(FleetError, match=r"obstacles_m: .* by chance"):
+        plan(by_chance)
+    wide = {"fence": {"x_m": [-99, 99], "y_m": [-99, 99]}}
+    assert plan(by_chance, obstacles_m=[], **wide).obstacles == ()
+
+
+def test_a_mission_may_be_turned_where_there_is_room() -> None:
+    made = plan(origin_m=[0, -3], yaw_deg=90, fence={"x_m": [-2, 2], "y_m": [-4, 5]})
+    assert made.place.yaw == pytest.approx(math.pi / 2)
+
+
+def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FleetError, match=r"six\.yaml: cannot be read"):
+        read_fleet(tmp_path / "six.yaml")
+    (tmp_path / "six.yaml").write_text("scale: 0.3\nscale: 0.4\n")
+    with pytest.raises(FleetError, match="written twice"):
+        read_fleet(tmp_path / "six.yaml")
