@@ -36,11 +36,11 @@ fuzz: .venv/ready-fuzz
 	@touch $@
 
 .venv/ready-test: .venv/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,test,train]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,radio,mavlink,test,train]'
 	@touch $@
 
 .venv/ready-fuzz: .venv/ready-test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,test,train,fuzz]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,radio,mavlink,test,train,fuzz]'
 	@touch $@
 
 clean:

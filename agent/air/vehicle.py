@@ -12,10 +12,10 @@ Where north is in a room, the fleet file decides; a vehicle that speaks NED turn
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 from protocols.errors import BrokenError, SwarmError
+from protocols.wire.vehicles import Mode as Mode
 
 Vector = tuple[float, float, float]  #: (x, y, z) in the room
 
@@ -26,17 +26,6 @@ class VehicleError(BrokenError, RuntimeError):
 
 class VehicleAddressError(SwarmError, ValueError):
     """An address that no vehicle has; one line says how one is written."""
-
-
-class Mode(StrEnum):
-    """What a vehicle does."""
-
-    GROUND = "ground"  # stands, motors off or idling
-    CLIMB = "climb"
-    HOLD = "hold"
-    FOLLOW = "follow"  # setpoints
-    LAND = "land"
-    DEAD = "dead"  # motors cut in flight: it falls, or has fallen
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +74,7 @@ class Rig:
     Attributes:
         drone: its number. start: where it stands, in the room. speed_mps, acceleration_mps2: its limits, in the room.
         options: the text values under ``options`` of its drone in the fleet file; what they mean is the vehicle's affair.
+        dongle: the radio that it shares with others; None: none, or the one that its address names. swarm: the name of its swarm.
     """
 
     drone: int
@@ -93,6 +83,8 @@ class Rig:
     acceleration_mps2: float
     failsafe: Failsafe = Failsafe()
     options: Mapping[str, str] = field(default_factory=dict)
+    dongle: int | None = None
+    swarm: str = "rsc"
 
 
 class Vehicle(Protocol):
@@ -132,6 +124,7 @@ class Vehicle(Protocol):
 
 #: Kind of vehicle -> module and class; a class is made of (address, rig).
 VEHICLES = {
+    "crazyflie": ("agent.air.crazyflie", "CrazyflieVehicle"),
     "point": ("agent.air.point", "PointVehicle"),
 }
 

@@ -20,7 +20,7 @@ from agent.radio.air import Air
 from protocols.mission import policy_name, reading
 from protocols.mission.document import mission_yaml, parse_mission, read_mission_fields
 from protocols.slots import notes
-from protocols.wire import certificates, endpoints, frames, keys, messages, pieces, sensed, status
+from protocols.wire import certificates, endpoints, frames, keys, messages, pieces, sensed, status, vehicles
 from protocols.wire.frames import FrameError
 from protocols.wire.keys import LinkError
 from rsc_swarm import options
@@ -101,6 +101,20 @@ def read_sensed(data: bytes) -> None:
     packed = (data[:32], data[32 : 32 + near], data[33 + near :])
     _SENSED_READER.read(packed)
     assert sensed.SensedPacker(_SENSED).pack(0) == packed
+
+
+_VEHICLE_MESSAGES = {
+    b"o": (vehicles.unpack_order, vehicles.pack_order),
+    b"a": (vehicles.unpack_account, vehicles.pack_account),
+    b"f": (vehicles.unpack_fix, vehicles.pack_fix),
+}
+
+
+def read_vehicle(data: bytes) -> None:
+    """The first letter says which message it is to be."""
+    unpack, pack = _VEHICLE_MESSAGES.get(data[:1], _VEHICLE_MESSAGES[b"o"])
+    said = unpack(data[1:])
+    assert unpack(pack(said)) == said  # type: ignore[operator]
 
 
 def read_pieces(data: bytes) -> None:

@@ -37,6 +37,16 @@ from protocols.wire.messages import (
 from protocols.wire.pieces import cut
 from protocols.wire.sensed import DISC, NEIGHBOUR, SensedPacker, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
+from protocols.wire.vehicles import (
+    Account,
+    Ill,
+    Kind,
+    Mode,
+    Order,
+    pack_account,
+    pack_fix,
+    pack_order,
+)
 from rsc_swarm.training.config import PRESETS, TrainingConfig
 from tests.models import metadata, straight_on, written
 from world.outlets.trajectory import Trajectory
@@ -131,6 +141,15 @@ def sensed() -> Iterator[bytes]:
     near = np.zeros(2, NEIGHBOUR).tobytes()
     yield bytes(32) + near + b"|" + np.zeros(1, DISC).tobytes()
     yield bytes(32) + b"|"
+
+
+def vehicle_messages() -> Iterator[bytes]:
+    x = (1.0, -2.0, 0.5)
+    yield b"o" + pack_order(Order(Kind.FLY, 7, x, x, x, -3.0))
+    yield b"a" + pack_account(
+        Account(Mode.FOLLOW, 7, True, Ill.NO_LINK | Ill.LOCKED, x, x, 1.0, 0.1, 0.01, 0.9)
+    )
+    yield b"f" + pack_fix(x)
 
 
 def pieces() -> Iterator[bytes]:

@@ -21,10 +21,22 @@ from protocols.mission import (
 )
 from protocols.mission.document import MissionError, read_mission_fields
 from protocols.slots import notes
-from protocols.wire import certificates, endpoints, frames, keys, login, messages, pieces, sensed, status
+from protocols.wire import (
+    certificates,
+    endpoints,
+    frames,
+    keys,
+    login,
+    messages,
+    pieces,
+    sensed,
+    status,
+    vehicles,
+)
 from protocols.wire.frames import FrameError
 from protocols.wire.login import Login
 from protocols.wire.messages import MessageError
+from protocols.wire.vehicles import VehicleMessageError
 from rsc_swarm import options
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.show.plots import curves
@@ -116,6 +128,19 @@ TARGETS = {
     ),
     "sensed": Target(
         readers.read_sensed, (ValueError,), seeds.sensed, mutate.bytes_changed, (sensed.SensedReader.read,)
+    ),
+    "vehicle": Target(
+        readers.read_vehicle,
+        (VehicleMessageError,),
+        seeds.vehicle_messages,
+        mutate.bytes_changed,
+        (
+            vehicles.unpack_order,
+            vehicles.unpack_account,
+            vehicles.unpack_fix,
+            vehicles._unpack,
+            vehicles._checked,
+        ),
     ),
     "pieces": Target(readers.read_pieces, (), seeds.pieces, mutate.bytes_changed, (pieces,)),
     "login": Target(

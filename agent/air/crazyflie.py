@@ -1,0 +1,155 @@
+"""``crazyflie:URI``, a Crazyflie: led through the radio host that holds its dongle (a process of its own), over Zenoh.
+
+URI is the address that the radio host reaches it by, for example ``radio://0/80/2M/E7E7E7E701``. The option ``host`` of its drone
+in the fleet file is the endpoint of its radio host; without it is that of the drone's dongle on this machine.
+
+An order is said again with every look at the state; a setpoint is not, so that who hangs is silent.
+"""
+
+import json
+import math
+import queue
+import time
+from contextlib import suppress
+from typing import Any
+
+import zenoh
+
+from agent.air.vehicle import Rig, Setpoint, State, VehicleAddressError, VehicleError
+from protocols.wire import vehicles
+from protocols.wire.endpoints import checked_endpoint
+from protocols.wire.keys import LinkError
+from protocols.wire.transport import COMMON
+from protocols.wire.vehicles import Account, Kind, Order, VehicleMessageError
+
+_SAY_S = 0.015  # between two orders: 50 Hz are followed, and what is said at 100 Hz is thinned out
+_NUMBERS = 2**32
+
+
+class CrazyflieVehicle:
+    """As agent.air.vehicle.Vehicle has it."""
+
+    def __init__(self, where: str, rig: Rig) -> None:
+        """Raises VehicleAddressError: ``where`` is no address of a Crazyflie, or an option is wrong."""
+        if unknown := sorted(rig.options.keys() - {"host"}):
+            raise VehicleAddressError(
+                f"crazyflie:{where} has no option {unknown[0]!r}: its only option is host"
+            )
+        try:
+            dongle = vehicles.dongle_of(where) if rig.dongle is None else rig.dongle
+            self._endpoint = checked_endpoint(rig.options.get("host", vehicles.host_endpoint(dongle)))
+        except (LinkError, ValueError) as error:
+            raise VehicleAddressError(f"crazyflie:{where}: {error}") from None
+        self._uri, self._rig, self._swarm = where, rig, rig.swarm
+        self._order = Order(Kind.NOTHING, 0)
+        self._said_at = -math.inf
+        self._accounts: queue.SimpleQueue[tuple[float, Account]] = queue.SimpleQueue()
+        self._newest: tuple[float, Account] | None = None
+        self._session: zenoh.Session | None = None
+
+    def open(self, timeout_s: float) -> None:
+        deadline = time.monotonic() + timeout_s
+        self._session = self._connect(timeout_s)
+        self._session.declare_subscriber(
+            vehicles.account_key(self._swarm, self._rig.drone),
+            zenoh.handlers.Callback(self._hear, indirect=False),
+        )
+        self._publisher = self._session.declare_publisher(
+            vehicles.order_key(self._swarm, self._rig.drone),
+            express=True,
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.BEST_EFFORT,
+        )
+        try:
+            self._newest = self._accounts.get(timeout=max(0.0, deadline - time.monotonic()))
+        except queue.Empty:
+            self.close()
+            raise VehicleError(
+                f"the radio host at {self._endpoint} says nothing of the Crazyflie of drone {self._rig.drone}: start it with "
+                "the fleet file that this drone has"
+            ) from None
+
+    def _connect(self, timeout_s: float) -> zenoh.Session:
+        settings: dict[str, Any] = {
+            **COMMON,
+            "mode": "client",
+            "connect/endpoints": [self._endpoint],
+            "connect/timeout_ms": round(1e3 * timeout_s),
+            "connect/exit_on_failure": True,
+            "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
+        }
+        try:
+            config = zenoh.Config()
+            for name, value in settings.items():
+                config.insert_json5(name, json.dumps(value))
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            raise VehicleError(
+                f"no radio host answers at {self._endpoint} within {timeout_s:g} s: start it with 'rsc-swarm radio', or name "
+                "another under options: {host: ...}"
+            ) from error
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        with suppress(VehicleMessageError):
+            self._accounts.put((time.monotonic(), vehicles.unpack_account(sample.payload.to_bytes())))
+
+    def state(self) -> State:
+        with suppress(queue.Empty):
+            while True:
+                self._newest = self._accounts.get_nowait()
+        if self._newest is None:
+            raise VehicleError(f"crazyflie:{self._uri} has not been opened")
+        if self._order.kind not in (Kind.NOTHING, Kind.FLY):
+            self._say()
+        at, account = self._newest
+        return State(
+            p=account.p,
+            v=account.v,
+            yaw=account.yaw,
+            tilt=account.tilt,
+            age_s=account.age_s + time.monotonic() - at,
+            battery=account.battery,
+            mode=account.mode,
+            armed=account.armed,
+            health=tuple(words for ill, words in vehicles.WORDS.items() if ill in account.ill),
+        )
+
+    def arm(self) -> None:
+        self._tell(Kind.ARM)
+
+    def take_off(self, height: float) -> None:
+        self._tell(Kind.TAKE_OFF, (0.0, 0.0, height))
+
+    def fly(self, setpoint: Setpoint) -> None:
+        if time.monotonic() - self._said_at >= _SAY_S:
+            self._order = Order(Kind.FLY, (self._order.number + 1) % _NUMBERS, *setpoint)
+            self._say()
+
+    def hold(self) -> None:
+        self._tell(Kind.HOLD)
+
+    def land(self) -> None:
+        self._tell(Kind.LAND)
+
+    def kill(self) -> None:
+        self._tell(Kind.KILL)
+
+    def close(self) -> None:
+        if self._session is not None:
+            with suppress(zenoh.ZError):
+                self._session.close()
+            self._session = None
+
+    def _tell(self, kind: Kind, p: vehicles.Vector = (0.0, 0.0, 0.0)) -> None:
+        """An order that is given again is the same one."""
+        if self._order.kind is Kind.KILL or (kind, p) == (self._order.kind, self._order.p):
+            return
+        self._order = Order(kind, (self._order.number + 1) % _NUMBERS, p)
+        self._said_at = -math.inf
+        self._say()
+
+    def _say(self) -> None:
+        now = time.monotonic()
+        if now - self._said_at >= _SAY_S:
+            self._said_at = now
+            self._publisher.put(vehicles.pack_order(self._order))

@@ -1,0 +1,219 @@
+"""The radio host: one process per Crazyradio, between the drones' processes and their Crazyflies."""
+
+import json
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from protocols.closing import Closing
+from protocols.wire import vehicles
+from protocols.wire.keys import LinkError
+from protocols.wire.transport import COMMON
+from protocols.wire.vehicles import Account, Ill, Mode, Order, VehicleMessageError
+from radiohost.keeper import STREAM_S, Keeper, Limits
+from radiohost.line import Line, init_drivers
+from radiohost.warden import Warden
+
+_SILENT_S = 0.25  # a vehicle of which nothing is heard for so long has no link
+_ACCOUNT_S = 0.05  # what it said last is told again, older, when it says nothing new
+_LEAVING_S = 30.0
+_LOOK_S = 0.05
+
+
+@dataclass(frozen=True)
+class Charge:
+    """A Crazyflie that is in this host's care: the drone that it is the vehicle of, and its cflib address."""
+
+    drone: int
+    uri: str
+    limits: Limits
+
+
+class Care:
+    """A charge, its line and its keeper; and where its drone hears of it.
+
+    It has a thread of its own: cflib waits for a vehicle that is out of reach, and nobody else is to wait with it.
+    """
+
+    def __init__(self, charge: Charge, publisher: zenoh.Publisher, cache: Path | None) -> None:
+        self.charge, self._publisher = charge, publisher
+        self.keeper = Keeper(charge.limits)
+        self.line = Line(charge.uri, self.give_account, cache)
+        self.orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
+        self._told_at = 0.0
+        self._leaving = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def flies(self) -> bool:
+        return self.keeper.mode not in (Mode.GROUND, Mode.DEAD)
+
+    def begin(self) -> None:
+        self._thread.start()
+
+    def end(self) -> None:
+        """No order is heard any more; who is told nothing lands."""
+        self._leaving.set()
+
+    def join(self, deadline: float) -> None:
+        """Wait until it stands, at the latest until ``deadline``."""
+        self._thread.join(max(0.0, deadline - time.monotonic()))
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while self.flies or not self._leaving.is_set():
+            with suppress(queue.Empty):
+                order = self.orders.get(timeout=max(0.0, due - time.monotonic()))
+                if not self._leaving.is_set():
+                    self.keeper.hear(order, time.monotonic())
+                    self._act()
+            now = time.monotonic()
+            if now >= due:
+                due = max(due + STREAM_S, now)
+                self._act()
+                self.line.reopen()
+                if now - self._told_at > _ACCOUNT_S:
+                    self.give_account()
+
+    def _act(self) -> None:
+        seen = self.line.seen
+        if seen is not None:
+            for act in self.keeper.act(seen, time.monotonic()):
+                self.line.do(act)
+
+    def give_account(self) -> None:
+        """Tell its drone how it is."""
+        seen, keeper = self.line.seen, self.keeper
+        if seen is None:
+            return
+        self._told_at = now = time.monotonic()
+        age_s = now - seen.at
+        ills = {
+            Ill.NO_LINK: age_s > _SILENT_S,
+            Ill.NO_POSITION: self.line.unsure,
+            Ill.LOCKED: seen.locked,
+            Ill.TURNED_OVER: self.line.tumbled,
+        }
+        account = Account(
+            mode=keeper.mode,
+            followed=max(0, keeper.followed),
+            armed=keeper.armed and seen.armed,
+            ill=reduce(or_, (ill for ill, is_so in ills.items() if is_so), Ill(0)),
+            p=seen.p,
+            v=seen.v,
+            yaw=seen.yaw,
+            tilt=seen.tilt,
+            age_s=age_s,
+            battery=seen.battery,
+        )
+        self._publisher.put(vehicles.pack_account(account))
+
+
+class RadioHost(Closing):
+    """Listens at ``endpoint`` for the drones of ``swarm``, and keeps its charges.
+
+    Raises:
+        protocols.wire.keys.LinkError: it cannot listen there.
+    """
+
+    def __init__(
+        self, swarm: str, endpoint: str, charges: Sequence[Charge], cache: Path | None = None
+    ) -> None:
+        self._session = _listen(endpoint)
+        self._cares = {
+            charge.drone: Care(charge, self._publisher(vehicles.account_key(swarm, charge.drone)), cache)
+            for charge in charges
+        }
+        self._warden = Warden()
+        self._flying: dict[str, float] = {}
+        self._session.declare_subscriber(vehicles.order_key(swarm, None), self._hear)
+        self._session.declare_subscriber(vehicles.fix_key(swarm, None), self._fix)
+
+    def open(self, timeout_s: float = 20.0) -> None:
+        """Reach all charges.
+
+        Raises:
+            radiohost.line.LineError: one is not there, within ``timeout_s``.
+        """
+        init_drivers()
+        self._each(lambda line: line.open(timeout_s))
+
+    def _each(self, do: Callable[[Line], None]) -> None:
+        """With all lines at once."""
+        with ThreadPoolExecutor(max_workers=max(1, len(self._cares))) as pool:
+            for one in [pool.submit(do, care.line) for care in self._cares.values()]:
+                one.result()
+
+    def run(self, leaving: Callable[[], bool]) -> None:
+        """Keep them until asked to leave; then bring down who flies."""
+        cares = self._cares.values()
+        for care in cares:
+            care.begin()
+        while not leaving():
+            self._tell_warden()
+            time.sleep(_LOOK_S)
+        for care in cares:
+            care.end()
+        deadline = time.monotonic() + _LEAVING_S
+        for care in cares:
+            care.join(deadline)
+        self._tell_warden()
+
+    def _tell_warden(self) -> None:
+        """Who flies, and how long it would take down."""
+        flying = {}
+        for care in self._cares.values():
+            if care.flies and (seen := care.line.seen):
+                flying[care.charge.uri] = max(1.0, round(seen.p[2] / care.charge.limits.sink_mps))
+        if flying != self._flying:
+            self._flying = flying
+            self._warden.tell(flying)
+
+    def _publisher(self, key: str) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            key,
+            express=True,
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.BEST_EFFORT,
+        )
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        with suppress(VehicleMessageError):
+            care = self._cares.get(vehicles.drone_of(str(sample.key_expr)))
+            if care:
+                care.orders.put(vehicles.unpack_order(sample.payload.to_bytes()))
+
+    def _fix(self, sample: zenoh.Sample) -> None:
+        with suppress(VehicleMessageError):
+            care = self._cares.get(vehicles.drone_of(str(sample.key_expr)))
+            if care and care.line.seen:
+                care.line.fix(vehicles.unpack_fix(sample.payload.to_bytes()))
+
+    def close(self) -> None:
+        self._each(Line.close)
+        self._warden.dismiss()
+        with suppress(zenoh.ZError):
+            self._session.close()
+
+
+def _listen(endpoint: str) -> zenoh.Session:
+    settings: dict[str, Any] = {"mode": "router", "listen/endpoints": [endpoint], **COMMON}
+    try:
+        config = zenoh.Config()
+        for name, value in settings.items():
+            config.insert_json5(name, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise LinkError(
+            f"cannot listen at {endpoint}: is a radio host running there already? It reads tcp/127.0.0.1:7470, say"
+        ) from error

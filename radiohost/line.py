@@ -1,0 +1,178 @@
+"""One Crazyflie at the end of cflib: opened, led, and read at 100 Hz."""
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import cflib.crtp
+from cflib.crazyflie import Crazyflie
+from cflib.crazyflie.log import LogConfig
+from cflib.crtp import radiodriver
+
+from protocols.errors import BrokenError
+from protocols.wire.vehicles import Vector
+from radiohost.keeper import Act, Arm, Cut, Land, Seen, Stream, TakeOff
+
+_TRY_S = 4.0  # over UDP cflib never resends: who waits for an answer that was lost waits for ever
+_LOG_PERIOD_MS = 10
+_LOST_PACKETS = 2000  # in a row, some seconds of them: then cflib gives the link up, and it is made anew
+_REACH_M = 32.0  # positions travel as 16 bits of millimetres
+_MELLINGER = 2  # it tracks a way four to six times closer than the PID
+_UNSURE = 0.1**2  # m²: an estimate whose variance is larger than this is none
+_IS_ARMED, _ARMS_ITSELF, _IS_FLYING, _IS_TUMBLED, _IS_LOCKED = (1 << bit for bit in (1, 2, 4, 5, 6))
+# All that is needed fits into the 26 bytes of one packet.
+_LOGGED = {
+    **{f"stateEstimateZ.{name}": "int16_t" for name in ("x", "y", "z", "vx", "vy", "vz")},
+    **{f"stateEstimate.{name}": "FP16" for name in ("roll", "pitch", "yaw")},
+    "kalman.varPX": "FP16",
+    "kalman.varPY": "FP16",
+    "supervisor.info": "uint16_t",
+    "pm.batteryLevel": "uint8_t",
+}
+
+
+class LineError(BrokenError, RuntimeError):
+    """A Crazyflie cannot be reached. One line."""
+
+
+def init_drivers() -> None:
+    """Once per process, before any line is opened."""
+    logging.getLogger("cflib").setLevel(logging.CRITICAL)
+    radiodriver.set_retries_before_disconnect(_LOST_PACKETS)
+    cflib.crtp.init_drivers()
+
+
+class Line:
+    """A Crazyflie.
+
+    Attributes:
+        seen: what it said last of itself; None before the first. unsure: whether it is not sure of its position.
+        tumbled: whether it lies on its side.
+    """
+
+    def __init__(self, uri: str, told: Callable[[], None], cache: Path | None = None) -> None:
+        """``told`` is called, in a thread of cflib, whenever it has said something. cache: a folder for its tables."""
+        self.uri, self._told = uri, told
+        self._cache = str(cache) if cache else None
+        self._cf: Any = None
+        self.seen: Seen | None = None
+        self.unsure, self.tumbled = False, False
+
+    def open(self, timeout_s: float) -> None:
+        """Reach it, set its controller, and let it speak.
+
+        Raises:
+            LineError: it is not there, within ``timeout_s``, or has no such variable.
+        """
+        deadline = time.monotonic() + timeout_s
+        while True:
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                raise LineError(
+                    f"nothing answers at {self.uri} within {timeout_s:g} s: is it switched on, is its address right, "
+                    "is the dongle in?"
+                )
+            if self._connect(min(_TRY_S, left)):
+                break
+        try:
+            self._cf.param.set_value("stabilizer.controller", _MELLINGER)
+            log = LogConfig("rsc", _LOG_PERIOD_MS)
+            for name, form in _LOGGED.items():
+                log.add_variable(name, form)
+            self._cf.log.add_config(log)
+        except (KeyError, AttributeError) as error:
+            self.close()
+            raise LineError(f"{self.uri}: its firmware is too old: {error}; update it") from error
+        log.data_received_cb.add_callback(lambda _, data, __: self._read(data))
+        log.start()
+
+    def _connect(self, timeout_s: float) -> bool:
+        there = threading.Event()
+        self._cf = Crazyflie(rw_cache=self._cache)
+        self._cf.fully_connected.add_callback(lambda _: there.set())
+        self._cf.open_link(self.uri)
+        if there.wait(timeout_s):
+            return True
+        self.close()
+        return False
+
+    def reopen(self) -> None:
+        """Make a link anew that was given up (it was out of reach, or the dongle out): the vehicle goes on speaking as it did."""
+        if self._cf.link is None:
+            with suppress(Exception):  # whatever its drivers raise: tried again the next time
+                self._cf.link = cflib.crtp.get_link_driver(self.uri, lambda _: None, self._cf._link_error_cb)
+
+    def do(self, act: Act) -> None:
+        """Tell it. Waits for up to 2 s while it is out of reach."""
+        cf = self._cf
+        match act:
+            case Stream(p, v, a, yaw):
+                turned = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+                # Beyond what can be said it is led to the edge of that: no setpoint may fail to be said.
+                cf.commander.send_full_state_setpoint(
+                    _within(p), _within(v), _within(a), turned, 0.0, 0.0, 0.0
+                )
+            case TakeOff(height, duration_s):
+                cf.high_level_commander.takeoff(height, duration_s, yaw=None)
+            case Land(duration_s):
+                land(cf, duration_s)
+            case Arm(on):
+                cf.supervisor.send_arming_request(on)
+            case Cut():
+                cf.supervisor.send_emergency_stop()
+
+    def fix(self, p: Vector) -> None:
+        """Tell it where it is."""
+        self._cf.loc.send_extpos(p)
+
+    def _read(self, data: dict[str, float]) -> None:
+        x, y, z, vx, vy, vz = (
+            data[f"stateEstimateZ.{name}"] / 1000 for name in ("x", "y", "z", "vx", "vy", "vz")
+        )
+        roll, pitch, yaw = (math.radians(data[f"stateEstimate.{name}"]) for name in ("roll", "pitch", "yaw"))
+        bits = int(data["supervisor.info"])
+        self.unsure = not max(data["kalman.varPX"], data["kalman.varPY"]) < _UNSURE
+        self.tumbled = bool(bits & _IS_TUMBLED)
+        self.seen = Seen(
+            at=time.monotonic(),
+            p=(x, y, z),
+            v=(vx, vy, vz),
+            yaw=yaw,
+            tilt=math.acos(max(-1.0, min(1.0, math.cos(roll) * math.cos(pitch)))),
+            battery=min(1.0, data["pm.batteryLevel"] / 100),
+            armed=bool(bits & _IS_ARMED),
+            arms_itself=bool(bits & _ARMS_ITSELF),
+            flying=bool(bits & _IS_FLYING),
+            locked=bool(bits & _IS_LOCKED),
+        )
+        self._told()
+
+    def close(self) -> None:
+        """Let go of it. cflib's own farewell is a setpoint of no thrust, which one that flies would obey: it gets none."""
+        if self._cf is None:
+            return
+        with suppress(Exception):
+            link, self._cf.link = self._cf.link, None
+            if link is not None:
+                link.close()
+            self._cf.close_link()
+
+
+def land(cf: Any, duration_s: float) -> None:
+    """Come down from wherever it is.
+
+    The plan first, and then the word that setpoints are over: without a plan that word stops the motors.
+    """
+    cf.high_level_commander.land(0.0, duration_s, yaw=None)
+    cf.commander.send_notify_setpoint_stop()
+    cf.high_level_commander.land(0.0, duration_s, yaw=None)
+
+
+def _within(vector: Vector) -> Vector:
+    x, y, z = (max(-_REACH_M, min(_REACH_M, part)) for part in vector)
+    return x, y, z

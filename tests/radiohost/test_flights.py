@@ -1,0 +1,210 @@
+"""Crazyflies fly as told, through the radio host, Zenoh and the real cflib; and what happens when one of these is gone."""
+
+import math
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+pytest.importorskip("cflib", reason="the extra 'radio' is not installed")
+
+from agent.air.vehicle import Mode, Rig, Setpoint, State, Vehicle, VehicleError, make_vehicle
+from protocols.closing import Closing
+from protocols.wire.vehicles import host_endpoint, pack_fix
+from radiohost.host import Charge, RadioHost
+from radiohost.keeper import Limits
+from radiohost.line import Line, LineError, init_drivers
+from tests.fakes.crazyflie import FakeCrazyflie, Stage
+from tests.fakes.udp import Wires
+
+ROOT = Path(__file__).parents[2]
+BRISK = Limits(climb_mps=1.0, sink_mps=0.7)
+HEIGHT = 0.6
+DONGLE, OTHER_DONGLE, NO_DONGLE = 71, 72, 73
+
+
+class Led(Closing):
+    """A vehicle, and what it is in truth."""
+
+    def __init__(self, drone: int, port: int, fake: FakeCrazyflie, dongle: int) -> None:
+        rig = Rig(drone, fake.motion.p, 1.0, 3.0, dongle=dongle)
+        self.vehicle: Vehicle = make_vehicle(f"crazyflie:udp://127.0.0.1:{port}", rig)
+        self.fake = fake
+        self.vehicle.open(10.0)
+
+    def until(self, so: Callable[[State], bool], tell: Callable[[], object] = lambda: None) -> State:
+        """Look at it, and tell it something, 100 times a second until what it says of itself is so."""
+        deadline = time.monotonic() + 20.0
+        while not so(state := self.vehicle.state()):
+            assert time.monotonic() < deadline, state
+            tell()
+            time.sleep(0.01)
+        return state
+
+    def climb(self) -> None:
+        self.vehicle.arm()
+        self.until(lambda state: state.armed)
+        self.vehicle.take_off(HEIGHT)
+        self.until(lambda state: state.mode is Mode.HOLD)
+
+    def go(self, way: tuple[float, float], seconds: float) -> float:
+        """Lead it along a straight line; how far it was from where it was to be, at worst [m]."""
+        (x, y, _), worst, begun = self.fake.motion.p, 0.0, time.monotonic()
+        while (part := (time.monotonic() - begun) / seconds) < 1.0:
+            p = x + part * way[0], y + part * way[1], HEIGHT
+            self.vehicle.fly(Setpoint(p, (way[0] / seconds, way[1] / seconds, 0.0), (0.0, 0.0, 0.0)))
+            self.vehicle.state()
+            worst = max(worst, math.dist(p, self.fake.motion.p))
+            time.sleep(0.01)
+        return worst
+
+    def close(self) -> None:
+        self.vehicle.close()
+
+
+class Room(NamedTuple):
+    """Vehicles behind one radio host."""
+
+    host: RadioHost
+    square: Led
+    silent: Led
+    dead: Led
+    told: Led
+
+
+@pytest.fixture(scope="module")
+def room() -> Iterator[Room]:
+    fakes = [FakeCrazyflie((0.0, 2.0 * drone, 0.0), arms_itself=drone % 2 == 0) for drone in range(4)]
+    fakes[3].needs_position = True
+    with Wires(fakes) as wires:
+        charges = [Charge(drone, f"udp://127.0.0.1:{port}", BRISK) for drone, port in enumerate(wires.ports)]
+        with RadioHost("rsc", host_endpoint(DONGLE), charges) as host:
+            host.open()
+            over = threading.Event()
+            thread = threading.Thread(target=host.run, args=[over.is_set])
+            thread.start()
+            led = [Led(drone, wires.ports[drone], fake, DONGLE) for drone, fake in enumerate(fakes)]
+            yield Room(host, *led)
+            for one in led:
+                one.close()
+            over.set()
+            thread.join()
+
+
+def test_it_flies_a_square_holds_and_lands(room: Room) -> None:
+    square = room.square
+    assert square.vehicle.state().health == ()
+    assert square.fake.controller == 2
+    square.climb()
+    worst = [square.go(way, 1.0) for way in ((0.5, 0.0), (0.0, 0.5), (-0.5, 0.0), (0.0, -0.5))]
+    assert max(worst) < 0.3  # corners
+    square.vehicle.hold()
+    held = square.until(lambda state: state.mode is Mode.HOLD and math.hypot(*state.v) < 0.02)
+    assert math.dist(held.p, square.fake.motion.p) < 0.05
+    assert math.dist(held.p, (0.0, 0.0, HEIGHT)) < 0.3
+    square.vehicle.land()
+    landed = square.until(lambda state: state.mode is Mode.GROUND)
+    assert not landed.armed
+    assert not square.fake.motors_on
+    assert not square.fake.motion.fell
+    assert square.fake.setpoints > 150
+
+
+def test_one_whose_process_is_gone_lands(room: Room) -> None:
+    """The process is gone: its session is closed, nothing is said any more."""
+    silent = room.silent
+    silent.climb()
+    silent.go((0.5, 0.0), 1.0)
+    silent.close()
+    deadline = time.monotonic() + 10.0
+    while silent.fake.stage is not Stage.UNARMED and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert silent.fake.stage is Stage.UNARMED
+    assert not silent.fake.motion.fell
+    assert 0.3 < silent.fake.motion.p[0] < 1.0
+
+
+def test_one_whose_link_is_dead_levels_and_falls_as_the_firmware_has_it(room: Room) -> None:
+    """Nobody can reach it. Its drone knows: the position grows old at once."""
+    dead = room.dead
+    dead.climb()
+    dead.fake.dead_link = True
+    told = dead.until(lambda state: state.age_s > 0.5)
+    assert told.health == ("nothing comes from the vehicle",)
+    dead.until(lambda _: dead.fake.stage is Stage.LOCKED)
+    dead.fake.dead_link = False
+    told = dead.until(lambda state: state.mode is Mode.DEAD)
+    assert "locked after a failsafe: switch it off and on" in told.health
+
+
+def test_one_that_is_told_where_it_is_says_when_it_is_told_no_more(room: Room) -> None:
+    import zenoh
+
+    told = room.told
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", f'["{host_endpoint(DONGLE)}"]')
+    told.until(lambda state: state.health == ("it is not sure of its position",))
+    with zenoh.open(config) as tracker:
+        told.until(
+            lambda state: state.health == () and math.dist(state.p, (1.0, 2.0, 0.5)) < 0.01,
+            lambda: tracker.put("rsc/body/3/position", pack_fix((1.0, 2.0, 0.5))),
+        )
+
+
+def hosting(port: int, dongle: int) -> subprocess.Popen[str]:
+    """A radio host in a process of its own, for one Crazyflie as drone 0."""
+    program = (
+        "from radiohost.host import Charge, RadioHost\n"
+        "from radiohost.keeper import Limits\n"
+        f"with RadioHost('rsc', '{host_endpoint(dongle)}', [Charge(0, 'udp://127.0.0.1:{port}', {BRISK})]) as host:\n"
+        "    host.open()\n"
+        "    host.run(lambda: False)\n"
+    )
+    return subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, text=True)
+
+
+def test_when_the_radio_host_is_killed_its_warden_lands_who_flies() -> None:
+    fake = FakeCrazyflie()
+    with Wires([fake]) as wires:
+        host = hosting(wires.ports[0], OTHER_DONGLE)
+        try:
+            with Led(0, wires.ports[0], fake, OTHER_DONGLE) as led:
+                led.climb()
+                led.go((0.5, 0.0), 1.0)
+                time.sleep(0.1)
+                host.kill()
+                deadline = time.monotonic() + 10.0
+                while fake.motors_on and time.monotonic() < deadline:
+                    time.sleep(0.05)
+        finally:
+            host.kill()
+            host.wait()
+    assert not fake.motors_on
+    assert not fake.motion.fell
+    assert fake.stage in (Stage.FLYING, Stage.READY)
+
+
+def test_without_a_radio_host_there_is_no_vehicle() -> None:
+    vehicle = make_vehicle("crazyflie:radio://0/80/2M/E7E7E7E701", Rig(0, (0, 0, 0), 1, 3, dongle=NO_DONGLE))
+    with pytest.raises(
+        VehicleError, match=r"no radio host answers at tcp/127\.0\.0\.1:7543 within 0\.3 s: start it"
+    ):
+        vehicle.open(0.3)
+
+
+def test_a_crazyflie_that_is_not_there_is_given_up_in_time() -> None:
+    init_drivers()
+    fake = FakeCrazyflie()
+    fake.dead_link = True
+    with Wires([fake]) as wires:
+        line = Line(f"udp://127.0.0.1:{wires.ports[0]}", lambda: None)
+        with pytest.raises(
+            LineError, match=r"nothing answers at udp://127\.0\.0\.1:\d+ within 0\.5 s: is it switched on"
+        ):
+            line.open(0.5)
