@@ -16,11 +16,11 @@ from typing import Any
 import zenoh
 
 from protocols.closing import Closing
+from protocols.keeper import STREAM_S, Keeper, Limits
 from protocols.wire import vehicles
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON
 from protocols.wire.vehicles import Account, Ill, Mode, Order, VehicleMessageError
-from radiohost.keeper import STREAM_S, Keeper, Limits
 from radiohost.line import Line, init_drivers
 from radiohost.warden import Warden
 

@@ -15,8 +15,8 @@ from cflib.crazyflie.log import LogConfig
 from cflib.crtp import radiodriver
 
 from protocols.errors import BrokenError
+from protocols.keeper import Act, Arm, Cut, Land, Seen, Stream, TakeOff
 from protocols.wire.vehicles import Vector
-from radiohost.keeper import Act, Arm, Cut, Land, Seen, Stream, TakeOff
 
 _TRY_S = 4.0  # over UDP cflib never resends: who waits for an answer that was lost waits for ever
 _LOG_PERIOD_MS = 10

@@ -125,6 +125,7 @@ class Vehicle(Protocol):
 #: Kind of vehicle -> module and class; a class is made of (address, rig).
 VEHICLES = {
     "crazyflie": ("agent.air.crazyflie", "CrazyflieVehicle"),
+    "mavlink": ("agent.air.mavlink", "MavlinkVehicle"),
     "point": ("agent.air.point", "PointVehicle"),
 }
 

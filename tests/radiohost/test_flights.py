@@ -15,9 +15,9 @@ pytest.importorskip("cflib", reason="the extra 'radio' is not installed")
 
 from agent.air.vehicle import Mode, Rig, Setpoint, State, Vehicle, VehicleError, make_vehicle
 from protocols.closing import Closing
+from protocols.keeper import Limits
 from protocols.wire.vehicles import host_endpoint, pack_fix
 from radiohost.host import Charge, RadioHost
-from radiohost.keeper import Limits
 from radiohost.line import Line, LineError, init_drivers
 from tests.fakes.crazyflie import FakeCrazyflie, Stage
 from tests.fakes.udp import Wires
@@ -161,7 +161,7 @@ def hosting(port: int, dongle: int) -> subprocess.Popen[str]:
     """A radio host in a process of its own, for one Crazyflie as drone 0."""
     program = (
         "from radiohost.host import Charge, RadioHost\n"
-        "from radiohost.keeper import Limits\n"
+        "from protocols.keeper import Limits\n"
         f"with RadioHost('rsc', '{host_endpoint(dongle)}', [Charge(0, 'udp://127.0.0.1:{port}', {BRISK})]) as host:\n"
         "    host.open()\n"
         "    host.run(lambda: False)\n"

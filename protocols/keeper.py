@@ -1,11 +1,12 @@
-"""What a Crazyflie is to do now: decided from its drone's orders and from what it says of itself, without input or output.
+"""What a vehicle is to do now: decided from its drone's orders and from what it says of itself, without input or output.
 
-It keeps a vehicle in the air when its drone's process falls silent, which the firmware does not: it levels .5 s after the last
-setpoint, and 2 s after it cuts the motors.
+It keeps a vehicle in the air when its drone falls silent, which what flies does not always do by itself: a Crazyflie levels .5 s
+after its last setpoint, and 2 s after it cuts its motors.
 
     in FOLLOW, no setpoint for hold_s             HOLD: it comes to rest ahead, and stays there
     in CLIMB, HOLD or FOLLOW, no order for land_s  LAND
     LAND                                          no order but KILL is obeyed until it stands
+    off the ground, and not armed any more         DEAD: somebody else has cut the motors
 
 All numbers are in the frame of the room.
 """
@@ -20,26 +21,28 @@ STREAM_S = 0.02  # between two setpoints
 _SOON_S = 0.014  # a fresh setpoint that comes so soon after the last waits for its turn
 _AGAIN_S = 0.2  # what is not followed is said again
 _LANDING_SAID = 5  # times: once is lost now and then, and without a plan its motors stop
-_ARMING_SAID = 10
+_ARMING_SAID = 50  # an autopilot wants to be told where to be for a second before
 _CLIMBING_SAID = 3
 _LOW_M, _THERE_M = 0.12, 0.1
-_PATIENCE_S = 3.0  # beyond the time that a climb or a landing takes
+_UNARMED_S = 0.5
 _STILL: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """After how long a silence it holds, and lands [s]; how fast it climbs and sinks [m/s]; how hard it brakes [m/s²]."""
+    """After how long a silence it holds, and lands [s]; how fast it climbs and sinks [m/s]; how hard it brakes [m/s²]; how much
+    longer than that a climb or a landing may take [s]."""
 
     hold_s: float = 0.15
     land_s: float = 1.0
     climb_mps: float = 0.5
     sink_mps: float = 0.3
     braking_mps2: float = 2.0
+    patience_s: float = 3.0
 
 
 class Seen(NamedTuple):
-    """What a Crazyflie says of itself. at: when it was heard [s]."""
+    """What a vehicle says of itself. at: when it was heard [s]."""
 
     at: float
     p: Vector
@@ -89,7 +92,7 @@ Act = Arm | TakeOff | Stream | Land | Cut
 
 
 class Keeper:
-    """Keeps one Crazyflie. Times are seconds of one clock that never goes back.
+    """Keeps one vehicle. Times are seconds of one clock that never goes back.
 
     Attributes:
         mode: what it does. armed: whether its drone has armed it. followed: number of the order that is obeyed.
@@ -99,9 +102,10 @@ class Keeper:
         self.mode, self.armed, self.followed = Mode.GROUND, False, -1
         self._limits = limits
         self._order = Order(Kind.NOTHING, -1)
-        self._heard_at = self._setpoint_at = -math.inf
+        self._heard_at = self._setpoint_at = self._armed_at = -math.inf
         self._since = self._said_at = self._streamed_at = -math.inf
         self._said = 0  # how often what this mode begins with was said
+        self._disarming = False
         self._duration_s = self._start_height = self._height = 0.0
         self._rest = Stream(_STILL, _STILL, _STILL, 0.0)
 
@@ -147,7 +151,9 @@ class Keeper:
         kind, silent = self._order.kind, now - self._heard_at
         if self.mode is Mode.DEAD:
             return
-        if kind is Kind.KILL or (seen.locked and self.mode is not Mode.GROUND):
+        self._armed_at = now if seen.armed else self._armed_at
+        cut = seen.locked or (now - self._armed_at > _UNARMED_S and self.mode is not Mode.LAND)
+        if kind is Kind.KILL or (cut and self.mode is not Mode.GROUND):
             self._follow(Mode.DEAD, now)
         elif self.mode is Mode.GROUND:
             self._leave_ground(seen, now, silent)
@@ -168,16 +174,15 @@ class Keeper:
     def _leave_ground(self, seen: Seen, now: float, silent: float) -> None:
         if silent > self._limits.land_s or self._order.number <= self.followed:
             return
-        if self._order.kind is Kind.TAKE_OFF and self.armed and seen.armed:
+        if self._order.kind is Kind.TAKE_OFF and self.armed and seen.armed and not seen.flying:
             self._height, self._start_height = self._order.p[2], seen.p[2]
             self._duration_s = max(0.5, (self._height - seen.p[2]) / self._limits.climb_mps)
             self._follow(Mode.CLIMB, now)
         elif self._order.kind is Kind.ARM:
-            self.armed = True
+            self.armed, self._disarming = True, False
             self._follow(Mode.GROUND, now)
         elif self._order.kind is Kind.LAND:
-            self.armed = False
-            self._follow(Mode.GROUND, now)
+            self._stand(now)
 
     def _climb(self, seen: Seen, now: float) -> None:
         there = abs(seen.p[2] - self._height) < _THERE_M and now - self._since >= self._duration_s
@@ -186,7 +191,7 @@ class Keeper:
             self._follow(Mode.HOLD, now)
         elif self._order.kind is Kind.HOLD:
             self._come_to_rest(seen, now)
-        elif now - self._since > self._duration_s + _PATIENCE_S:
+        elif now - self._since > self._duration_s + self._limits.patience_s:
             self._land(seen, now)
 
     def _come_to_rest(self, seen: Seen, now: float) -> None:
@@ -202,9 +207,12 @@ class Keeper:
 
     def _touch_down(self, seen: Seen, now: float) -> None:
         passed = now - self._since - self._duration_s
-        if passed > 0 and (seen.p[2] < _LOW_M or not seen.flying or passed > _PATIENCE_S):
-            self.armed = False
-            self._follow(Mode.GROUND, now)
+        if passed > 0 and (seen.p[2] < _LOW_M or not seen.flying or passed > self._limits.patience_s):
+            self._stand(now)
+
+    def _stand(self, now: float) -> None:
+        self.armed, self._disarming = False, True
+        self._follow(Mode.GROUND, now)
 
     def _follow(self, mode: Mode, now: float) -> None:
         self.mode, self._since, self._said, self._said_at = mode, now, 0, -math.inf
@@ -213,8 +221,9 @@ class Keeper:
     # What is said
 
     def _on_ground(self, seen: Seen, now: float) -> list[Act]:
-        # One that arms itself would do so again at once.
-        if seen.locked or seen.armed == self.armed or (seen.armed and seen.arms_itself):
+        # One that arms itself would do so again at once; and one that was found in the air is somebody else's.
+        disarms = self._disarming and seen.armed and not (seen.arms_itself or seen.flying)
+        if seen.locked or not (disarms or (self.armed and not seen.armed)):
             return []
         return [Arm(self.armed)] if self._due(now, _ARMING_SAID) else []
 

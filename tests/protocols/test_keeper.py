@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from protocols.keeper import Act, Arm, Cut, Keeper, Land, Limits, Seen, Stream, TakeOff
 from protocols.wire.vehicles import Kind, Mode, Order, Vector
-from radiohost.keeper import Act, Arm, Cut, Keeper, Land, Limits, Seen, Stream, TakeOff
 from tests.fakes.crazyflie import FakeCrazyflie, Stage
 from tests.fakes.packets import ARM, DISARM, EMERGENCY_STOP, NOTIFY_STOP, land, setpoint, take_off
 
@@ -225,4 +225,29 @@ def test_one_whose_failsafe_has_cut_the_motors_is_dead() -> None:
     flight.wait(3.0)
     flight.fake.dead_link = False
     flight.wait(0.1)
+    assert flight.keeper.mode is Mode.DEAD
+
+
+def test_one_that_is_found_in_the_air_is_left_alone() -> None:
+    """A radio host that was started anew while the old one's warden lands its vehicles."""
+    flight = Flight(arms_itself=False)
+    flight.climb()
+    flight.fake.take(land(2.0))
+    flight.fake.take(NOTIFY_STOP)
+    flight.keeper = Keeper(Limits())
+    flight.say(Kind.ARM)
+    flight.wait(0.5)
+    flight.say(Kind.TAKE_OFF)
+    flight.wait(0.5)
+    assert flight.keeper.mode is Mode.GROUND
+    flight.fall_silent()
+    flight.wait(5.0)
+    assert not flight.fake.motion.fell
+
+
+def test_one_that_somebody_else_disarms_is_dead() -> None:
+    flight = Flight(arms_itself=False)
+    flight.climb()
+    flight.fake.take(DISARM)
+    flight.wait(1.0)
     assert flight.keeper.mode is Mode.DEAD

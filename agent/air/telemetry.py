@@ -1,0 +1,109 @@
+"""What an autopilot has said of itself, put together from its MAVLink messages; in the frame of the room."""
+
+import math
+import struct
+from typing import Any
+
+from agent.air.autopilots import PROFILES, Profile
+from agent.air.vehicle import Vector, VehicleError
+from protocols.fleet.place import ned_of, ned_yaw
+from protocols.keeper import Seen
+
+_AUTOPILOT, _NO_AUTOPILOT = 1, 8  # component; MAV_AUTOPILOT_INVALID
+_ARMED, _ON_GROUND, _ARM_DISARM, _WARNING = 128, 1, 400, 4
+_INTEGERS = (1, 2, 3, 4, 5, 6)  # MAV_PARAM_TYPE
+UNKNOWN = math.nan
+
+
+class Telemetry:
+    """Takes messages of pymavlink.
+
+    Attributes:
+        system: its number; 0 before the first heartbeat. profile: which autopilot it is; None before that.
+        custom_mode, armed, flying: as its heartbeats and its own judgment of the ground have it.
+        p, v [m, m/s], yaw, tilt [rad]: newest. measured_at [s]: when p came; an old one that is said again does not count.
+        battery: 0 to 1, or `UNKNOWN`. parameters: those that it was asked for. refusal: why it is not armed, in words, or empty.
+    """
+
+    def __init__(self, system: int, asked: Profile | None, start: Vector) -> None:
+        """``system``, ``asked``: which one it has to be; 0 and None: whoever is heard first."""
+        self.system, self._asked = system, asked
+        self.profile: Profile | None = None
+        self.custom_mode, self.armed, self.flying = -1, False, False
+        self.p, self.v = start, (0.0, 0.0, 0.0)
+        self.yaw = self.tilt = 0.0
+        self.measured_at, self._boot_ms = -math.inf, -1
+        self.battery = UNKNOWN
+        self.parameters: dict[str, float] = {}
+        self.refusal = ""
+        self.has_origin = False
+
+    def seen(self, now: float) -> Seen:
+        """As a keeper wants it."""
+        return Seen(
+            now, self.p, self.v, self.yaw, self.tilt, self.battery, self.armed, False, self.flying, False
+        )
+
+    def unknown(self) -> list[str]:
+        """Names of the parameters that it has not told yet."""
+        wanted = self.profile.wanted if self.profile else ()
+        return [one.name for one in wanted if one.name not in self.parameters]
+
+    def take(self, message: Any, now: float) -> None:
+        """A message came.
+
+        Raises:
+            VehicleError: it is of another autopilot than was asked for.
+        """
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self._take_heartbeat(message)
+        elif message.get_srcSystem() != self.system or self.profile is None:
+            return
+        elif kind == "LOCAL_POSITION_NED":
+            self._take_position(message, now)
+        elif kind == "ATTITUDE" and all(map(math.isfinite, (message.roll, message.pitch, message.yaw))):
+            self.yaw = ned_yaw(message.yaw)
+            self.tilt = math.acos(max(-1.0, min(1.0, math.cos(message.roll) * math.cos(message.pitch))))
+        elif kind == "SYS_STATUS":
+            percent = message.battery_remaining
+            self.battery = percent / 100 if 0 <= percent <= 100 else UNKNOWN
+        elif kind == "EXTENDED_SYS_STATE":
+            self.flying = self.armed and message.landed_state != _ON_GROUND
+        elif kind == "PARAM_VALUE":
+            self.parameters[message.param_id] = _value(message, self.profile)
+        elif kind == "GPS_GLOBAL_ORIGIN":
+            self.has_origin = True
+        elif kind == "COMMAND_ACK" and message.command == _ARM_DISARM:
+            self.refusal = "" if message.result == 0 else self.refusal or "it refuses to be armed"
+        elif kind == "STATUSTEXT" and self.refusal and message.severity <= _WARNING:
+            self.refusal = f"it refuses to be armed: {' '.join(message.text.split())}"
+
+    def _take_heartbeat(self, message: Any) -> None:
+        if message.get_srcComponent() != _AUTOPILOT or message.autopilot == _NO_AUTOPILOT:
+            return
+        if self.profile is None and self.system in (0, message.get_srcSystem()):
+            found = next((one for one in PROFILES.values() if one.number == message.autopilot), None)
+            if found is None:
+                return
+            if self._asked not in (None, found):
+                raise VehicleError(
+                    f"the autopilot there is {found.name}: write ?autopilot={found.name}, or nothing"
+                )
+            self.system, self.profile = message.get_srcSystem(), found
+        if self.profile is not None and message.get_srcSystem() == self.system:
+            self.custom_mode, self.armed = message.custom_mode, bool(message.base_mode & _ARMED)
+            self.flying = self.flying and self.armed
+
+    def _take_position(self, message: Any, now: float) -> None:
+        p, v = (message.x, message.y, message.z), (message.vx, message.vy, message.vz)
+        if message.time_boot_ms != self._boot_ms and all(map(math.isfinite, (*p, *v))):
+            self.p, self.v = ned_of(p), ned_of(v)
+            self._boot_ms, self.measured_at = message.time_boot_ms, now
+
+
+def _value(message: Any, profile: Profile) -> float:
+    """Of a parameter."""
+    if profile.integers_as_bytes and message.param_type in _INTEGERS:
+        return float(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
+    return float(message.param_value)

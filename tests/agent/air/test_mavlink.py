@@ -1,0 +1,396 @@
+"""Autopilots fly as they are told, through the real pymavlink; and what they do when whoever led them is gone.
+
+Most flights are flown in simulated time: what pymavlink writes is handed to the fake, and the other way round.
+"""
+
+import math
+import socket
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from agent.air.mavlink import MavlinkVehicle, parse_address
+from agent.air.telemetry import Telemetry
+from agent.air.vehicle import Mode, Rig, Setpoint, State, VehicleAddressError, VehicleError, make_vehicle
+from tests.fakes.autopilot import FakeAutopilot, Make
+from tests.fakes.udp import Wires
+
+HEIGHT = 2.0
+START = (3.0, -1.0, 0.0)
+WHERE = "udpin:127.0.0.1:14550"
+both = pytest.mark.parametrize("make", list(Make))
+
+
+class Wire:
+    """A connection of pymavlink, to a fake."""
+
+    def __init__(self, fake: FakeAutopilot) -> None:
+        self._fake, self._heard = fake, deque[Any]()
+        self.mav = mavlink.MAVLink(self, srcSystem=255, srcComponent=191)
+        self._reader = mavlink.MAVLink(None)
+        self._reader.robust_parsing = True
+
+    def write(self, data: bytes) -> None:
+        self.hear(self._fake.take(bytes(data)))
+
+    def hear(self, datagrams: list[bytes]) -> None:
+        for datagram in datagrams:
+            self._heard.extend(self._reader.parse_buffer(datagram) or [])
+
+    def recv_msg(self) -> Any:
+        return self._heard.popleft() if self._heard else None
+
+    def close(self) -> None:
+        pass
+
+
+class Flight:
+    """A vehicle and its fake, and a time that passes when it is told to."""
+
+    def __init__(self, fake: FakeAutopilot, where: str = WHERE, **options: str) -> None:
+        self.fake, self.now = fake, 50.0
+        self.wire = Wire(fake)
+        rig = Rig(0, START, 2.0, 3.0, options=options)
+        self.vehicle = MavlinkVehicle(where, rig, lambda _: self.wire, lambda: self.now, self.pass_by)
+
+    def pass_by(self, seconds: float) -> None:
+        self.now += seconds
+        self.wire.hear(self.fake.advance(seconds))
+
+    def wait(self, seconds: float) -> State:
+        """Look at it 100 times a second."""
+        for _ in range(round(100 * seconds)):
+            self.pass_by(0.01)
+            state = self.vehicle.state()
+        return state
+
+    def until(self, so: Callable[[State], bool], longest_s: float = 20.0) -> State:
+        for _ in range(round(100 * longest_s)):
+            if so(state := self.wait(0.01)):
+                return state
+        raise AssertionError(state)
+
+    def arm(self) -> None:
+        self.vehicle.open(3.0)
+        assert self.wait(1.0).health == ()
+        self.vehicle.arm()
+        self.until(lambda state: state.armed)
+
+    def climb(self) -> None:
+        self.arm()
+        self.vehicle.take_off(HEIGHT)
+        self.until(lambda state: state.mode is Mode.HOLD)
+
+    def go(self, way: tuple[float, float], seconds: float) -> float:
+        """Along a straight line; how far off it was at worst."""
+        (x, y, _), worst, steps = self.fake.motion.p, 0.0, round(100 * seconds)
+        for step in range(steps):
+            p = x + way[0] * step / steps, y + way[1] * step / steps, HEIGHT
+            v = way[0] / seconds, way[1] / seconds, 0.0
+            self.vehicle.fly(Setpoint(p, v, (0.0, 0.0, 0.0), yaw=0.5))
+            self.wait(0.01)
+            worst = max(worst, math.dist(p, self.fake.motion.p))
+        return worst
+
+
+@both
+def test_it_flies_a_square_holds_and_lands(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.climb()
+    assert math.dist(fake.motion.p, (START[0], START[1], HEIGHT)) < 0.15
+    told, begun = fake.targets, flight.now
+    worst = [flight.go(way, 3.0) for way in ((2.0, 0.0), (0.0, 2.0), (-2.0, 0.0), (0.0, -2.0))]
+    assert max(worst) < 0.35  # corners
+    assert (fake.targets - told) / (flight.now - begun) == pytest.approx(50, rel=0.02)
+    state = flight.vehicle.state()
+    assert state.mode is Mode.FOLLOW
+    assert math.dist(state.p, fake.motion.p) < 0.1
+    assert math.dist(state.v, fake.motion.v) < 0.2
+    assert state.yaw == pytest.approx(0.5, abs=0.01)
+    assert fake.motion.yaw == pytest.approx(0.5, abs=0.01)
+    assert state.age_s < 0.05
+    assert 0.9 < state.battery <= 1.0
+    flight.vehicle.hold()
+    held = flight.wait(2.0)
+    assert held.mode is Mode.HOLD
+    assert math.hypot(*held.v) < 0.05
+    flight.vehicle.land()
+    landed = flight.until(lambda state: state.mode is Mode.GROUND)
+    assert not flight.wait(2.0).armed
+    assert landed.p[2] < 0.15
+    assert not fake.armed
+    assert not fake.fell
+
+
+@both
+def test_when_its_process_is_killed_it_lands_by_itself(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.climb()
+    flight.go((2.0, 0.0), 3.0)
+    x = fake.motion.p[0]
+    fake.advance(15.0)
+    assert not fake.armed
+    assert fake.landed
+    assert not fake.fell
+    assert abs(fake.motion.p[0] - x) < 0.5
+
+
+@both
+def test_when_its_link_is_dead_it_lands_too_and_its_position_grows_old(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.climb()
+    fake.dead_link = True
+    assert flight.wait(1.0).age_s > 0.9
+    flight.wait(15.0)
+    assert fake.landed
+    assert not fake.fell
+
+
+@both
+def test_a_policy_that_hangs_is_a_hold_and_then_a_landing(make: Make) -> None:
+    """The process looks at its vehicle but tells it nothing more."""
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.climb()
+    flight.go((1.0, 0.0), 2.0)
+    assert flight.wait(0.12).mode is Mode.FOLLOW
+    assert flight.wait(0.1).mode is Mode.HOLD
+    assert flight.wait(0.7).mode is Mode.HOLD
+    assert flight.wait(0.2).mode is Mode.LAND
+    flight.until(lambda state: state.mode is Mode.GROUND)
+    assert not fake.fell
+
+
+@both
+def test_kill_cuts_the_motors_in_flight(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.climb()
+    flight.vehicle.kill()
+    state = flight.wait(1.5)
+    assert state.mode is Mode.DEAD
+    assert not state.armed
+    assert fake.fell
+    flight.vehicle.arm()
+    assert not flight.wait(3.0).armed
+
+
+@both
+def test_one_that_a_pilot_takes_is_not_led_any_more(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.climb()
+    flight.wait(1.0)
+    fake.custom_mode = make.wait
+    flight.go((1.0, 0.0), 1.0)
+    told = fake.targets
+    flight.go((1.0, 0.0), 1.0)
+    flight.vehicle.land()
+    state = flight.wait(3.0)
+    assert state.health == (f"a pilot or its own failsafe leads it (custom mode {make.wait})",)
+    assert state.mode is Mode.LAND
+    assert fake.targets == told
+    assert fake.custom_mode == make.wait
+
+
+def test_px4_is_armed_only_after_setpoints_have_come_for_a_second() -> None:
+    fake = FakeAutopilot(Make.PX4, START)
+    flight = Flight(fake)
+    flight.vehicle.open(3.0)
+    flight.vehicle.arm()
+    flight.wait(1.0)
+    assert not fake.armed
+    assert fake.targets >= 48
+    flight.until(lambda state: state.armed, 2.0)
+    assert fake.custom_mode == Make.PX4.led
+    flight.wait(2.0)
+    assert fake.motion.p[2] == 0.0
+
+
+@both
+def test_one_that_does_not_take_off_is_disarmed_again(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    flight = Flight(fake)
+    flight.arm()
+    flight.vehicle.land()
+    assert not flight.wait(2.0).armed
+    assert not fake.armed
+
+
+@both
+def test_one_whose_failsafe_is_none_says_what_to_set(make: Make) -> None:
+    flight = Flight(FakeAutopilot(make, START, tuned=False))
+    flight.vehicle.open(3.0)
+    health = flight.wait(1.0).health
+    assert (
+        health
+        == {
+            Make.PX4: ("COM_OBL_RC_ACT is 0: set it to 4 (it lands when setpoints stop)",),
+            Make.ARDUPILOT: (
+                "GUID_TIMEOUT is 3: set it to 0.5 (so many seconds after the last setpoint it stops)",
+                "FS_GCS_ENABLE is 0: set it to 5 (it lands when this computer falls silent)",
+                "FS_GCS_TIMEOUT is 5: set it to 2 (so many seconds after that)",
+            ),
+        }[make]
+    )
+
+
+@both
+def test_one_that_refuses_to_be_armed_says_so(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
+    fake.battery = 0.1
+    flight = Flight(fake)
+    flight.vehicle.open(3.0)
+    flight.vehicle.arm()
+    state = flight.wait(3.0)
+    assert not state.armed
+    assert state.health == ("it refuses to be armed",)
+    assert state.battery == pytest.approx(0.1)
+
+
+def test_the_room_and_north_east_down() -> None:
+    """East of the room is y of NED; a vehicle that looks east has yaw 0 in the room and 90 degrees there."""
+    fake = FakeAutopilot(Make.ARDUPILOT, START)
+    flight = Flight(fake)
+    flight.climb()
+    flight.pass_by(0.02)
+    asked = []
+    fake._on_set_position_target_local_ned = lambda message: asked.append(message) or []  # type: ignore[method-assign, func-returns-value]
+    flight.vehicle.fly(Setpoint((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), yaw=0.0))
+    (message,) = asked
+    assert (message.x, message.y, message.z) == pytest.approx((2.0, 1.0, -3.0))
+    assert (message.vx, message.vy, message.vz) == pytest.approx((0.2, 0.1, -0.3))
+    assert (message.afx, message.afy, message.afz) == pytest.approx((0.5, 0.4, -0.6))
+    assert message.yaw == pytest.approx(math.pi / 2)
+    assert message.type_mask == 0b1000_0000_0000
+    assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+
+
+def test_all_of_a_fleet_get_one_origin() -> None:
+    fake = FakeAutopilot(Make.PX4, START)
+    flight = Flight(fake, origin="47.3977, 8.5456, 488")
+    flight.vehicle.open(3.0)
+    assert flight.wait(1.0).health == ()
+    assert fake.origin == (473977000, 85456000, 488000)
+
+
+def test_one_that_is_told_where_it_is_and_is_not_any_more_says_so() -> None:
+    fake = FakeAutopilot(Make.PX4, START)
+    fake.needs_position = True
+    flight = Flight(fake)
+    with pytest.raises(
+        VehicleError, match=r"system 1 says no local position \(does it know where it is\?\) within 1 s"
+    ):
+        flight.vehicle.open(1.0)
+
+
+def test_the_autopilot_that_was_asked_for_is_the_one_that_is_led() -> None:
+    flight = Flight(FakeAutopilot(Make.PX4, START), f"{WHERE}?autopilot=ardupilot")
+    with pytest.raises(VehicleError, match=r"the autopilot there is px4: write \?autopilot=px4, or nothing"):
+        flight.vehicle.open(1.0)
+    other = Flight(FakeAutopilot(Make.PX4, START, system=2), f"{WHERE}?system=3")
+    with pytest.raises(VehicleError, match="no PX4 or ArduPilot is heard"):
+        other.vehicle.open(1.0)
+    Flight(FakeAutopilot(Make.PX4, START, system=2), f"{WHERE}?autopilot=px4&system=2").vehicle.open(1.0)
+
+
+@given(st.lists(st.floats(width=32), min_size=6, max_size=6), st.integers(-128, 127))
+def test_whatever_it_says_can_be_borne(numbers: list[float], percent: int) -> None:
+    heard = Telemetry(0, None, START)
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    reader = mavlink.MAVLink(None)
+    for message in (
+        mavlink.MAVLink_heartbeat_message(2, 12, 0, 7, 0, 3),
+        mavlink.MAVLink_attitude_message(1, *numbers),
+        mavlink.MAVLink_local_position_ned_message(1, *numbers),
+        mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", numbers[0], 6, 1, 0),
+        mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, percent, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_statustext_message(3, b"\xff\n\0"),
+    ):
+        for read in reader.parse_buffer(message.pack(sender)):
+            heard.take(read, 0.0)
+    assert heard.profile is not None
+    assert all(map(math.isfinite, (*heard.p, *heard.v, heard.yaw, heard.tilt)))
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+@both
+def test_it_flies_over_udp_in_real_time(make: Make) -> None:
+    fake, port = FakeAutopilot(make, START), free_port()
+    vehicle = make_vehicle(
+        f"mavlink:udpin:127.0.0.1:{port}?autopilot={make.name.lower()}", Rig(0, START, 2.0, 3.0)
+    )
+
+    def until(so: Callable[[State], bool]) -> State:
+        deadline = time.monotonic() + 20.0
+        while not so(state := vehicle.state()):
+            assert time.monotonic() < deadline, state
+            time.sleep(0.01)
+        return state
+
+    with Wires([fake], towards=[port]):
+        vehicle.open(5.0)
+        vehicle.arm()
+        until(lambda state: state.armed)
+        vehicle.take_off(0.5)
+        until(lambda state: state.mode is Mode.HOLD)
+        vehicle.land()
+        until(lambda state: state.mode is Mode.GROUND)
+        vehicle.close()
+    assert not fake.fell
+
+
+def test_one_that_is_not_there_is_given_up_in_time() -> None:
+    vehicle = make_vehicle(f"mavlink:udpin:127.0.0.1:{free_port()}", Rig(0, START, 2.0, 3.0))
+    with pytest.raises(VehicleError, match=r"no PX4 or ArduPilot is heard .* within 0\.2 s"):
+        vehicle.open(0.2)
+    vehicle = make_vehicle("mavlink:serial:/dev/nothing-there:57600", Rig(0, START, 2.0, 3.0))
+    with pytest.raises(VehicleError, match=r"mavlink:serial:/dev/nothing-there:57600 cannot be opened"):
+        vehicle.open(0.2)
+
+
+@pytest.mark.parametrize(
+    ("where", "options", "why"),
+    [
+        ("", {}, "'' is no connection: one reads udpin:127.0.0.1:14550"),
+        ("udpin:127.0.0.1", {}, "'udpin:127.0.0.1' is no connection"),
+        ("udpin:127.0.0.1:²", {}, "is no connection"),
+        ("serial:/dev/ttyAMA0", {}, "is no connection"),
+        (f"{WHERE}?", {}, r"behind the \? stand only"),
+        (f"{WHERE}?autopilot=", {}, "autopilot= is none of px4, ardupilot"),
+        (f"{WHERE}?autopilot=betaflight", {}, "autopilot=betaflight is none of px4, ardupilot"),
+        (f"{WHERE}?pilot=px4", {}, r"behind the \? stand only"),
+        (f"{WHERE}?system=0", {}, "system=0 is no number from 1 to 254"),
+        (f"{WHERE}?system=300", {}, "system=300 is no number from 1 to 254"),
+        (WHERE, {"orign": "1,2,3"}, "no option 'orign': its only option is origin"),
+        (WHERE, {"origin": "47.3,8.5"}, "origin: '47.3,8.5' is not LATITUDE,LONGITUDE,ALTITUDE"),
+        (WHERE, {"origin": "97.3,8.5,0"}, "is not LATITUDE,LONGITUDE,ALTITUDE"),
+        (WHERE, {"origin": "nan,8.5,0"}, "is not LATITUDE,LONGITUDE,ALTITUDE"),
+    ],
+)
+def test_an_address_that_is_none_is_refused(where: str, options: dict[str, str], why: str) -> None:
+    with pytest.raises(VehicleAddressError, match=why) as error:
+        make_vehicle(f"mavlink:{where}", Rig(0, START, 2.0, 3.0, options=options))
+    assert "\n" not in str(error.value)
+
+
+def test_an_address_is_read() -> None:
+    assert parse_address("serial:/dev/ttyAMA0:921600?system=7")[::2] == ("serial:/dev/ttyAMA0:921600", 7)
