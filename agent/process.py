@@ -68,9 +68,13 @@ class Drone:
             self._radio.say(self._air.pack(own))
         self._radio.report(int(said.slot[0]), self.status() if is_due(tick, bool(said.changed)) else None)
 
+    def open(self) -> None:
+        """Open what the policy needs, which takes a moment; else the first tick does it."""
+        self._core.open()
+
     def fly(self, clock: Clock) -> None:
         """Act at every tick until the flight is over."""
-        self._core.open()
+        self.open()
         for tick in clock.ticks():
             self.act(tick)
 

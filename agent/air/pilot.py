@@ -3,6 +3,7 @@
 - A drone leaves the ground only step by step: armed, climb, form (at its height, where it took off), fly.
 - From the air every way leads down: who holds or lands never flies the mission again.
 - Nothing but `KILL` cuts the motors in flight, and nothing brings a drone back from that.
+- A vehicle that comes down by itself, by its own failsafe, is not held up.
 - An event that the table does not know in a phase changes nothing.
 """
 
@@ -104,27 +105,38 @@ def step(pilot: Pilot, facts: Facts, patience: Patience) -> Pilot:
         if after is None or after is pilot.phase:
             continue
         wait = patience.abort_s if facts.order is Order.ABORT else patience.hold_s
-        told = reasons or (f"ordered to {facts.order}" if facts.order else str(event),)
+        told = reasons or _told(pilot, event, facts)
         return Pilot(after, facts.now, facts.now + wait, told)
     if pilot.phase is Phase.HOLD and facts.order is Order.ABORT:
         return pilot._replace(land_at=min(pilot.land_at, facts.now + patience.abort_s))
     return pilot
 
 
+def _told(pilot: Pilot, event: Event, facts: Facts) -> tuple[str, ...]:
+    """Why, where the guard has nothing to say."""
+    if facts.order:
+        return (f"ordered to {facts.order}",)
+    if event in (Event.LAND, Event.KILL) and not (pilot.phase is Phase.HOLD and facts.now >= pilot.land_at):
+        return (f"the vehicle does so by itself: {facts.mode}",)
+    return (str(event),)
+
+
 def _events(pilot: Pilot, facts: Facts, action: Action) -> list[Event]:
     """What happens in this tick, the strongest first."""
     order, events = facts.order, []
-    if order is Order.KILL or action is Action.KILL:
+    in_flight, mode = pilot.phase in IN_FLIGHT, facts.mode
+    if order is Order.KILL or action is Action.KILL or (in_flight and mode is Mode.DEAD):
         events.append(Event.KILL)
-    if order is Order.LAND or action is Action.LAND:
+    comes_down = mode is Mode.LAND or (mode is Mode.GROUND and pilot.phase is not Phase.CLIMB)
+    if order is Order.LAND or action is Action.LAND or (in_flight and comes_down):
         events.append(Event.LAND)
     if order in (Order.HOLD, Order.ABORT) or action is Action.HOLD:
         events.append(Event.HOLD)
     if pilot.phase is Phase.HOLD and facts.now >= pilot.land_at:
         events.append(Event.LAND)
-    if pilot.phase is Phase.LAND and facts.mode is Mode.GROUND:
+    if pilot.phase is Phase.LAND and mode is Mode.GROUND:
         events.append(Event.LANDED)
-    if pilot.phase is Phase.CLIMB and facts.mode is Mode.HOLD:
+    if pilot.phase is Phase.CLIMB and mode is Mode.HOLD:
         events.append(Event.CLIMBED)
     if facts.over:
         events.append(Event.OVER)

@@ -2,8 +2,11 @@
 
 from rsc_swarm.cli import (  # noqa: F401  each adds its command
     agent,
+    air,
     bench,
     evaluate,
+    fly_alone,
+    ground,
     keys,
     launch,
     mission,

@@ -80,12 +80,14 @@ def test_who_holds_lands_after_a_while_and_after_an_abort_soon() -> None:
     assert (aborted.phase, aborted.land_at) == (Phase.HOLD, 3.0)
     assert step(aborted, CALM._replace(now=2.9, mode=Mode.HOLD), PATIENCE).phase is Phase.HOLD
     assert step(aborted, CALM._replace(now=3.0, mode=Mode.HOLD), PATIENCE).phase is Phase.LAND
-    assert step(Pilot(Phase.FLY), CALM._replace(order=Order.ABORT), PATIENCE).land_at == 2.0
+    assert step(Pilot(Phase.FLY), CALM._replace(order=Order.ABORT, mode=Mode.FOLLOW), PATIENCE).land_at == 2.0
 
 
 def test_the_guards_reasons_are_told() -> None:
     held = step(
-        Pilot(Phase.FLY), CALM._replace(verdict=Verdict(Action.HOLD, ("position 0.20 s old",))), PATIENCE
+        Pilot(Phase.FLY),
+        CALM._replace(mode=Mode.FOLLOW, verdict=Verdict(Action.HOLD, ("position 0.20 s old",))),
+        PATIENCE,
     )
     assert (held.phase, held.reasons) == (Phase.HOLD, ("position 0.20 s old",))
 
@@ -94,9 +96,18 @@ def test_the_guards_reasons_are_told() -> None:
 def test_nothing_but_kill_cuts_the_motors(pilot: Pilot, told: Facts) -> None:
     after = step(pilot, told, PATIENCE)
     if after.phase is Phase.DEAD and pilot.phase is not Phase.DEAD:
-        assert told.order is Order.KILL or told.verdict.action is Action.KILL
+        by_itself = told.mode is Mode.DEAD
+        assert told.order is Order.KILL or told.verdict.action is Action.KILL or by_itself
     if told.order is Order.KILL:
         assert after.phase is Phase.DEAD
+
+
+def test_a_vehicle_that_lands_by_itself_is_not_held_up() -> None:
+    assert flown({"mode": Mode.LAND}, {"mode": Mode.GROUND}, begin=Pilot(Phase.FLY)) == [
+        Phase.LAND,
+        Phase.GROUND,
+    ]
+    assert flown({"mode": Mode.GROUND}, begin=Pilot(Phase.CLIMB)) == [Phase.CLIMB]  # not off the ground yet
 
 
 @given(pilots, facts)

@@ -1,0 +1,106 @@
+"""Body and radio (agent.ports) of a drone on the air, without input and output: a mission flown in a room.
+
+What is sensed is the vehicle's own state and the map of obstacles, both turned into the mission's frame; neighbours are known
+from frames alone. What is wanted, an acceleration, goes into a reference by which the vehicle is led: it is integrated as the
+mission's dynamics have it, and leaks towards what is measured, so that the two cannot part.
+"""
+
+import math
+
+from agent.air.contacts import Contacts
+from agent.air.vehicle import Setpoint, State
+from agent.ports import Heard
+from protocols.dynamics import TICK_S, integrate
+from protocols.fleet.place import Flat
+from protocols.fleet.plan import Plan
+from protocols.wire.sensed import MAX_OBSTACLES, Sensed, empty_sensed
+from protocols.wire.status import AgentStatus
+
+_LEAK_P, _LEAK_V = 0.5, 1.0  # per second
+_CLIMB_MPS = 0.3  # from one slot's height to another's
+_SILENT_S = 0.5  # then the frames of a drone are believed no more, and it becomes an obstacle
+_DRONE_M = 0.5  # its radius as an obstacle, in the mission's metres
+
+
+class RoomBody:
+    """Both ports of the drone ``me`` that flies ``plan`` among ``contacts``."""
+
+    def __init__(self, plan: Plan, me: int, contacts: Contacts) -> None:
+        self._plan, self._me, self._contacts = plan, me, contacts
+        self._place = plan.place
+        self._sensed = empty_sensed(1)
+        self._reach = plan.mission.sensing.range_m
+        self._p: Flat = (0.0, 0.0)
+        self._v: Flat = (0.0, 0.0)
+        self._measured = (self._p, self._v)
+        self._height = 0.0
+        self._tick, self._now = 0, 0.0
+        self.slot = me
+        self.setpoint: Setpoint | None = None
+        self.frame: bytes | None = None
+
+    def begin(self, state: State) -> None:
+        """The mission starts where the vehicle is."""
+        self._p, self._v = self._place.to_mission(state.p[:2]), (0.0, 0.0)
+        self._height = state.p[2]
+
+    def measure(self, state: State, tick: int, now: float) -> None:
+        """What the vehicle says at the beginning of a tick; ``now``: s, of a clock that never steps."""
+        self._measured = self._place.to_mission(state.p[:2]), self._place.turned_back(state.v[:2])
+        self._tick, self._now, self.frame = tick, now, None
+
+    def sense(self) -> Sensed:
+        sensed, (px, py) = self._sensed, self._measured[0]
+        sensed.position[0], sensed.velocity[0] = self._measured
+        count = 0
+        for x, y, radius in (*self._plan.mission_obstacles, *self._silent()):
+            if math.hypot(x - px, y - py) - radius <= self._reach and count < MAX_OBSTACLES:
+                sensed.obstacles[0, count] = x - px, y - py, radius
+                count += 1
+        sensed.obstacle_count[0] = count
+        return sensed
+
+    def fly(self, ax: float, ay: float) -> None:
+        limits, (p, v) = self._plan.mission.limits, self._measured
+        moved = integrate(self._p, self._v, (ax, ay), limits.acceleration_mps2, limits.speed_mps, TICK_S)
+        self._p, self._v = _leaked(moved[0], p, _LEAK_P * TICK_S), _leaked(moved[1], v, _LEAK_V * TICK_S)
+        wanted = self._plan.height(self.slot)
+        climb = max(-_CLIMB_MPS, min(_CLIMB_MPS, (wanted - self._height) / TICK_S))
+        self._height += climb * TICK_S
+        place = self._place
+        self.setpoint = Setpoint(
+            (*place.to_room(self._p), self._height),
+            (*place.turned(self._v), climb),
+            (*place.turned((ax, ay)), 0.0),
+            place.yaw,
+        )
+
+    def hear(self) -> Heard:
+        """Those within the range of the mission's radio, as their beacons have it."""
+        reach = self._plan.mission.radio.range_m * self._place.scale
+        here = self._place.to_room(self._measured[0])
+        known = self._contacts.known()
+        near = [
+            (sender, frame)
+            for sender, frame in self._contacts.frames(self._tick)
+            if math.dist(known[sender].beacon.p[:2], here) <= reach
+        ]
+        return Heard(bytes(sender for sender, _ in near), [frame for _, frame in near])
+
+    def say(self, frame: bytes) -> None:
+        self.frame = frame
+
+    def report(self, slot: int, status: AgentStatus | None) -> None:
+        self.slot = slot
+
+    def _silent(self) -> list[tuple[float, float, float]]:
+        """Drones that fell silent in flight: obstacles of the mission where they must have stopped."""
+        return [
+            (*self._place.to_mission(mover.p[:2]), _DRONE_M)
+            for mover in self._contacts.movers(self._now)
+            if self._now - self._contacts.known()[mover.number].heard_at > _SILENT_S
+        ]
+
+
+def _leaked(value: Flat, towards: Flat, share: float) -> Flat:
+    return value[0] + share * (towards[0] - value[0]), value[1] + share * (towards[1] - value[1])

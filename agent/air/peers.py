@@ -1,0 +1,129 @@
+"""The air between the drones: a Zenoh peer for each drone and for the operator, linked by the addresses of the fleet file.
+
+Beacons go as best effort in datagrams, so that none ever waits behind one that was lost. No scouting, no multicast, no router:
+who is not in the fleet file is not found. The time at which something arrives is taken in the thread that brings it.
+"""
+
+import json
+import os
+import queue
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import zenoh
+
+from protocols.closing import Closing
+from protocols.wire.keys import LinkError, checked_agent, checked_swarm
+
+_DATAGRAMS = "?rel=1;mixed_rel=1"
+_LEASE_MS = 2000
+_OPEN_MS = 5000
+_LEAVE_S = 0.5  # over a bad network, farewells may not come through
+_MOST_WAITING = 4096
+OPERATOR = "ground"
+
+
+class Said(NamedTuple):
+    """By whom: a drone's number, or `OPERATOR`. kind: beacon, account or word. at_us: UTC on arrival."""
+
+    who: str
+    kind: str
+    data: bytes
+    at_us: int
+
+
+class AirLink(Closing):
+    """One who speaks on the air, and hears all others."""
+
+    def __init__(self, swarm: str, who: str, listen: str, connect: Sequence[str]) -> None:
+        """``who`` listens at ``listen`` and looks for others at ``connect``, in the background.
+
+        Raises:
+            LinkError: it cannot listen there.
+        """
+        self._swarm, self._who = checked_swarm(swarm), who
+        self._heard: queue.SimpleQueue[Said] = queue.SimpleQueue()
+        os.environ.setdefault(
+            "ZENOH_RUNTIME",
+            "(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),"
+            "app:(worker_threads:1,max_blocking_threads:2))",
+        )
+        try:
+            config = zenoh.Config()
+            for name, value in _settings(listen, connect).items():
+                config.insert_json5(name, json.dumps(value))
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise LinkError(
+                f"cannot listen at {listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
+                "or end what uses it"
+            ) from None
+        for kind in ("beacon", "account", "word"):
+            self._session.declare_subscriber(
+                f"{self._swarm}/air/*/{kind}", zenoh.handlers.Callback(self._take, indirect=False)
+            )
+        self._publishers = {kind: self._publisher(kind) for kind in ("beacon", "account", "word")}
+
+    def _publisher(self, kind: str) -> Any:
+        return self._session.declare_publisher(
+            f"{self._swarm}/air/{self._who}/{kind}",
+            express=True,
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.BEST_EFFORT,
+        )
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        if self._heard.qsize() < _MOST_WAITING:
+            _, _, who, kind = str(sample.key_expr).rsplit("/", 3)
+            self._heard.put(Said(who, kind, sample.payload.to_bytes(), time.time_ns() // 1000))
+
+    def say(self, kind: str, data: bytes) -> None:
+        """To all that are linked."""
+        self._publishers[kind].put(data)
+
+    def hear(self) -> list[Said]:
+        """What came since, oldest first."""
+        heard: list[Said] = []
+        with suppress(queue.Empty):
+            while True:
+                heard.append(self._heard.get_nowait())
+        return heard
+
+    def close(self) -> None:
+        leaving = threading.Thread(target=self._leave, daemon=True)
+        leaving.start()
+        leaving.join(_LEAVE_S)
+
+    def _leave(self) -> None:
+        with suppress(zenoh.ZError):
+            self._session.close()
+
+
+def name_of(drone: int) -> str:
+    """What a drone is called on the air."""
+    return str(checked_agent(drone))
+
+
+def _settings(listen: str, connect: Sequence[str]) -> dict[str, Any]:
+    return {
+        "mode": "peer",
+        "listen/endpoints": [_endpoint(listen)],
+        "listen/exit_on_failure": True,
+        "connect/endpoints": [_endpoint(each) for each in connect],
+        "connect/timeout_ms": -1,  # whoever is not there yet is looked for again and again
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "timestamping/enabled": False,
+        "transport/unicast/open_timeout": _OPEN_MS,
+        "transport/link/tx/lease": _LEASE_MS,
+        "transport/shared_memory/enabled": False,
+    }
+
+
+def _endpoint(address: str) -> str:
+    return address + _DATAGRAMS if address.startswith("udp/") else address

@@ -1,0 +1,1 @@
+"""Flying on the air: one drone's process, the operator's station, what was flown."""

@@ -1,0 +1,74 @@
+"""One drone on the air, as on its companion computer: everything it needs is opened, then it is flown until asked to leave."""
+
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+
+from agent.air.drone import AirDrone
+from agent.air.flying import fly
+from agent.air.peers import AirLink, name_of
+from agent.air.pilot import Phase
+from agent.air.trouble import Trouble
+from agent.air.vehicle import Rig, make_vehicle
+from agent.process import rehearse
+from protocols.fleet.document import FleetError
+from protocols.fleet.plan import Plan
+from rsc_swarm.air.folder import event_of, keep, next_folder
+from rsc_swarm.machine.leaving import leave_when_asked
+from rsc_swarm.machine.limits import make_room
+from rsc_swarm.machine.service import Service
+
+_OPEN_S = 20.0
+
+
+def fly_drone(plan: Plan, me: int, body: str | None, run_dir: Path | None, trouble: Trouble) -> None:
+    """Be drone ``me`` of ``plan``, in the vehicle at ``body`` (None: as the fleet file has it), until asked to leave.
+
+    Raises:
+        FleetError: there is no such drone. agent.air.vehicle.VehicleError: its vehicle is not there, or no longer.
+        protocols.wire.keys.LinkError: its address cannot be listened at. agent.policy.PolicyError: of its policy.
+    """
+    if me >= plan.mission.agents:
+        raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
+    fleet, spec = plan.fleet, plan.fleet.drones[me]
+    rig = Rig(
+        me,
+        (*plan.starts[me], 0.0),
+        plan.speed_mps,
+        plan.acceleration_mps2,
+        options=spec.options,
+        dongle=spec.dongle,
+        swarm=plan.mission.swarm,
+    )
+    vehicle = make_vehicle(body or spec.body, rig)
+    make_room(1)
+    rehearse(plan.mission)
+    vehicle.open(_OPEN_S)
+    service = Service()
+    others = [fleet.ground_address, *(fleet.address(other) for other in range(me))]
+    drone = AirDrone(plan, me, vehicle, version("rsc-swarm"))
+
+    def tell(phase: Phase, reasons: tuple[str, ...]) -> None:
+        _say(me, f"{phase} ({'; '.join(reasons)})")
+        if phase in (Phase.GROUND, Phase.DEAD) and drone.log.rows and run_dir:
+            events = [event_of(me, *event) for event in drone.events]
+            keep(next_folder(run_dir), plan, drone.log, events, drone=me, missed=drone.missed)
+
+    with leave_when_asked() as leave:
+        try:
+            with AirLink(plan.mission.swarm, name_of(me), fleet.address(me), others) as link:
+                _say(
+                    me,
+                    f"ready after {time.time() - psutil.Process().create_time():.2f} s at {fleet.address(me)}",
+                )
+                service.ready(f"drone {me} at {fleet.address(me)}")
+                fly(drone, link, lambda: service.alive(leave.asked), tell, trouble)
+        finally:
+            vehicle.close()
+
+
+def _say(me: int, text: str) -> None:
+    print(f"drone {me}: {text}", file=sys.stderr, flush=True)

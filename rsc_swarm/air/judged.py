@@ -1,0 +1,76 @@
+"""What came of a flight on the air, judged as any other: by the world's referee, from what was heard of all positions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from agent.air.log import FlightLog
+from protocols.dynamics import TICK_S
+from protocols.fleet.plan import Plan
+from world.outlets.trajectory import Trajectory
+from world.plant import Bodies, Ground
+from world.referee import (
+    CLOSEST_AGENTS,
+    CLOSEST_OBSTACLE,
+    COLLIDED,
+    FORMED,
+    SLOT_ERROR,
+    VERDICT_SIZE,
+    Findings,
+    Standard,
+    judge,
+)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """In the room's metres. tau_s: when the formation first stood behind the goal line. slot_error_m: at the mission's end."""
+
+    tau_s: float | None
+    failure: str | None
+    closest_m: float
+    slot_error_m: float | None
+
+
+def path_of(plan: Plan, log: FlightLog) -> Trajectory:
+    """A log as a recording, in the mission's frame."""
+    kept = slice(log.rows)
+    obstacles = np.array(plan.mission_obstacles, float).reshape(-1, 3)
+    ends = [plan.mission.goal_x_m, *(obstacles[:, 0] + obstacles[:, 2]).tolist()]
+    return Trajectory(
+        log.positions[kept], log.velocities[kept], log.slots[kept], log.flying[kept], obstacles, max(ends), TICK_S
+    )  # fmt: skip
+
+
+def judged(plan: Plan, path: Trajectory) -> Judged:
+    """How the flight of ``path`` went, until its mission was over."""
+    rows = min(len(path.positions), plan.ticks + 1)
+    if rows == 0:
+        return Judged(None, "interrupted", float("inf"), None)
+    agents, formation, mission = plan.mission.agents, plan.mission.plan, plan.mission
+    shape, moments = (rows, agents), np.arange(rows)
+    still = np.zeros((*shape, 2))
+    bodies = Bodies(path.flying[:rows].copy(), path.positions[:rows].copy(), still, still, np.ones(shape))
+    ground = Ground(
+        np.full(rows, path.goal_x),
+        np.full(rows, len(path.obstacles), np.int64),
+        np.tile(path.obstacles, (rows, 1, 1)) if len(path.obstacles) else np.zeros((rows, 1, 3)),
+    )
+    standard = Standard(
+        formation.offsets, formation.parent, formation.is_leaf, formation.spacing, mission.edge_tolerance,
+        mission.limits.collision_m,
+    )  # fmt: skip
+    findings = Findings(np.zeros(shape), np.zeros(shape), np.zeros((rows, VERDICT_SIZE)))
+    target = np.asarray(moments * TICK_S * mission.target.speed_mps, np.float64)
+    judge(np.ones(rows, np.bool_), bodies, path.slots[:rows].copy(), ground, target, standard, findings)
+    verdict, scale = findings.verdict, plan.fleet.scale
+    formed, collided = np.flatnonzero(verdict[:, FORMED]), bool(verdict[:, COLLIDED].any())
+    tau_s = float(formed[0]) * TICK_S if len(formed) else None
+    failure = "collision" if collided else None if tau_s is not None else "late"
+    whole = rows > plan.ticks
+    return Judged(
+        None if collided else tau_s,
+        failure,
+        scale * float(min(verdict[:, CLOSEST_AGENTS].min(), verdict[:, CLOSEST_OBSTACLE].min())),
+        scale * float(verdict[plan.ticks, SLOT_ERROR]) if whole else None,
+    )

@@ -1,0 +1,29 @@
+"""From a fleet file to the plan of a flight: the mission that it names is found and laid in its room."""
+
+from pathlib import Path
+
+from protocols.fleet.document import FleetError, read_fleet
+from protocols.fleet.plan import Plan, make_plan
+from protocols.mission.document import MissionError, parse_mission, read_mission_fields
+from rsc_swarm.missions import SHIPPED, shipped_missions
+
+
+def read_plan(path: Path) -> Plan:
+    """The plan in the fleet file at ``path``; a mission's file is looked for beside it.
+
+    Raises:
+        FleetError: it cannot be read or flown; one line says where and what would be right.
+    """
+    fleet = read_fleet(path)
+    beside = path.parent / fleet.mission
+    file = SHIPPED / f"{fleet.mission}.yaml" if fleet.mission in shipped_missions() else beside
+    if not file.is_file():
+        raise FleetError(
+            f"{path}: mission: there is no file {beside}; name one, or one that comes with rsc-swarm: "
+            f"{', '.join(shipped_missions())}"
+        )
+    try:
+        mission = parse_mission(read_mission_fields(file), str(file))
+    except MissionError as error:
+        raise FleetError(f"{path}: {error}") from None
+    return make_plan(fleet, mission, str(path))

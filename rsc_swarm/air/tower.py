@@ -1,0 +1,69 @@
+"""The operator's process: hears every drone, says the orders, keeps the flight. A thin shell around Station."""
+
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+from agent.air.peers import OPERATOR, AirLink
+from protocols.fleet.plan import Plan
+from protocols.wire.operator import Order
+from rsc_swarm.air.folder import event_of, keep, next_folder
+from rsc_swarm.air.judged import Judged
+from rsc_swarm.air.station import Script, Station
+from rsc_swarm.machine.leaving import leave_when_asked
+
+_LOOK_S = 0.02
+_SAY_S = 0.1
+_DOWN_S = 40.0
+
+Attend = Callable[[Station, int, float], bool]  #: UTC [us], s -> whether to go on
+
+
+def watch(
+    plan: Plan, attend: Attend, script: Script | None, run_dir: Path | None
+) -> tuple[Station, Judged | None, bool]:
+    """Be the operator: until ``attend``, which is called 50 times a second, wants no more, the script is over, or one is asked to
+    leave; then an abort brings all down first.
+
+    Returns:
+        The station, how the flight went if there was one, and whether it was asked to leave.
+
+    Raises:
+        protocols.wire.keys.LinkError: the operator's address cannot be listened at.
+    """
+    station = Station(plan, version("rsc-swarm"), time.time_ns() // 1000)
+    with (
+        leave_when_asked() as leave,
+        AirLink(plan.mission.swarm, OPERATOR, plan.fleet.ground_address, ()) as link,
+    ):
+        said_at = leaving_at = 0.0
+        while True:
+            now, utc_us = time.monotonic(), time.time_ns() // 1000
+            for said in link.hear():
+                station.hear(said, now)
+            if script:
+                script.advance(station, utc_us, now)
+            going_on = attend(station, utc_us, now) and not leave.asked and not (script and script.over)
+            if not going_on and not leaving_at:
+                leaving_at = now
+                if station.in_flight(now):
+                    station.order(Order.ABORT, utc_us, now)
+            if now - said_at >= _SAY_S:
+                said_at = now
+                link.say("word", station.word(utc_us))
+            station.record(utc_us, now)
+            if leaving_at and (not station.in_flight(now) or now - leaving_at > _DOWN_S):
+                break
+            time.sleep(_LOOK_S)
+    outcome = None
+    if station.log.rows:
+        events = [event_of(drone, utc_s, phase, why) for utc_s, drone, phase, why in station.events]
+        missed = {drone: account.missed for drone, account in sorted(station.accounts.items())}
+        if run_dir:
+            outcome = keep(next_folder(run_dir), plan, station.log, events, missed=missed)
+        else:
+            from rsc_swarm.air.judged import judged, path_of
+
+            outcome = judged(plan, path_of(plan, station.log))
+    return station, outcome, leave.asked

@@ -1,0 +1,47 @@
+"""A fleet flies its mission in a hall without a world."""
+
+import math
+
+import pytest
+
+from agent.air.pilot import Phase
+from protocols.wire.operator import Order
+from tests.agent.air.hall import Hall, plan_of
+
+
+@pytest.fixture(scope="module")
+def flown() -> Hall:
+    hall = Hall(plan_of())
+    hall.go(0.0)
+    hall.wait(30.0, {Phase.GROUND})
+    return hall
+
+
+def test_six_points_fly_the_lab_mission_and_land(flown: Hall) -> None:
+    for drone in flown.drones:
+        phases = [phase for _, phase, _ in drone.events]
+        assert phases == [Phase.ARMED, Phase.CLIMB, Phase.FORM, Phase.FLY, Phase.LAND, Phase.GROUND]
+        assert drone.missed == 0
+    assert flown.closest_m >= flown.plan.limit_m
+
+
+def test_they_stand_in_formation_when_the_mission_is_over(flown: Hall) -> None:
+    slots = flown.plan.slots_at(flown.plan.ticks)
+    log = flown.drones[0].log
+    places = [flown.plan.place.to_room(tuple(p)) for p in log.positions[flown.plan.ticks]]
+    errors = [
+        math.dist(place, slots[slot]) for place, slot in zip(places, log.slots[flown.plan.ticks], strict=True)
+    ]
+    assert max(errors) <= 0.15
+    assert sorted(log.slots[flown.plan.ticks]) == list(range(6))
+
+
+def test_nobody_moves_before_go(flown: Hall) -> None:
+    hall = Hall(plan_of())
+    hall.up()
+    before = hall.truth[-1]
+    hall.wait(1.0)
+    assert all(math.dist(a, b) < 0.05 for a, b in zip(before, hall.truth[-1], strict=True))
+    hall.order(Order.ABORT)
+    hall.wait(10.0, {Phase.GROUND})
+    assert hall.phases == {Phase.GROUND}
