@@ -11,8 +11,8 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Any
 
@@ -52,6 +52,18 @@ def _check_certificates(endpoint: str, login: Login) -> None:
         raise LinkError(f"{keys.user(login.agent)}: {error}") from None
 
 
+@contextmanager
+def _one_runtime() -> Iterator[None]:
+    """Zenoh reads it when a process opens its first session. What this process starts, a world perhaps, is not to inherit it."""
+    unset = "ZENOH_RUNTIME" not in os.environ
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_RUNTIME)
+    try:
+        yield
+    finally:
+        if unset:
+            os.environ.pop("ZENOH_RUNTIME", None)
+
+
 def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
     settings: dict[str, Any] = {
         "mode": "client",
@@ -65,12 +77,12 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
     }
     if login.certificates and is_secret(endpoint):
         settings |= secret(login.certificates, "connect")
-    os.environ.setdefault("ZENOH_RUNTIME", _ONE_RUNTIME)  # read when the first session of a process opens
     try:
         config = zenoh.Config()
         for name, value in settings.items():
             config.insert_json5(name, json.dumps(value))
-        return zenoh.open(config)
+        with _one_runtime():
+            return zenoh.open(config)
     except zenoh.ZError as error:
         from agent.radio.why_not import why_not  # loads what only this needs
 

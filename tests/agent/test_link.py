@@ -18,4 +18,4 @@ def test_who_waits_for_a_world_can_be_told_to_leave(tmp_path: Path) -> None:
             Login("wedge", 0, "x"),
             leaving=lambda: time.monotonic() > began + 0.3,
         )
-    assert time.monotonic() < began + 1.0
+    assert time.monotonic() < began + 5.0

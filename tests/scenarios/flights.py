@@ -41,28 +41,31 @@ for fields in tasks:
 """
 
 _FLY_WATCHED = """
-import json, sys
+import json, os, sys
 from pathlib import Path
 from protocols.mission.document import parse_mission
 from rsc_swarm.flight.launch import RunBroken, launch
 from rsc_swarm.flight.report import describe
+from rsc_swarm.machine.leaving import leave_when_asked
 
 fields, here = json.loads(sys.argv[1])
 def show(picture):
     print(picture.tick, flush=True)
-try:
-    flown = launch(parse_mission(fields), run_dir=Path(here), on_snapshot=show).whole()
-except RunBroken as error:
-    print(f"broken: {error}", flush=True)
-    sys.exit(3)
-except KeyboardInterrupt:
-    sys.exit(130)
-outcome = flown.outcome
-if outcome.failure == "broken":
-    print(f"broken: {describe(outcome, parse_mission(fields))}", flush=True)
-    sys.exit(3)
-print(json.dumps({"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure, "digest": outcome.digest}))
-sys.exit(130 if outcome.failure == "interrupted" else 0)
+def fly():
+    try:
+        outcome = launch(parse_mission(fields), run_dir=Path(here), on_snapshot=show).whole().outcome
+    except RunBroken as error:
+        return 3, f"broken: {error}"
+    except KeyboardInterrupt:
+        return 130, "stopped"
+    if outcome.failure == "broken":
+        return 3, f"broken: {describe(outcome, parse_mission(fields))}"
+    told = {"lost": outcome.lost_agents, "ticks": outcome.ticks, "failure": outcome.failure, "digest": outcome.digest}
+    return 130 if outcome.failure == "interrupted" else 0, json.dumps(told)
+with leave_when_asked():  # as the command does: to the very end nobody who asks again disturbs what is told
+    code, said = fly()
+    print(said, flush=True)
+    os._exit(code)
 """
 
 

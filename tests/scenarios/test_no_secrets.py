@@ -72,7 +72,7 @@ class Watch:
         while any(process.poll() is None for process in self.started):
             assert time.monotonic() < deadline
             self.look()
-            time.sleep(0.3)
+            time.sleep(0.1)
         self.look()
 
     def look(self) -> None:
@@ -82,9 +82,9 @@ class Watch:
                 for each in (launcher, *launcher.children(recursive=True)):
                     for what in ("cmdline", "environ"):
                         self._keep(Path(f"/proc/{each.pid}/{what}"))
-        for path in self.folder.rglob("*"):
-            if path.is_file():
-                self._keep(path)
+        for folder, _, files in os.walk(self.folder):  # which does not mind a folder that is gone meanwhile
+            for file in files:
+                self._keep(Path(folder, file))
 
     def _keep(self, path: Path) -> None:
         with suppress(OSError):
