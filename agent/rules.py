@@ -41,11 +41,11 @@ def rules_of(mission: Mission) -> Rules:
 
 def shape_of(mission: Mission) -> Shape:
     """The mission's formation as arrays."""
-    parent = mission.plan.parent
+    parent = mission.layout.parent
     depth = np.zeros(len(parent), np.int64)
     for slot in range(len(parent)):
         above = parent[slot]
         while above != NO_PARENT:
             depth[slot] += 1
             above = parent[above]
-    return Shape(mission.plan.offsets, parent, depth)
+    return Shape(mission.layout.offsets, parent, depth)

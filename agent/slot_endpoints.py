@@ -85,7 +85,7 @@ def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int, seal
         lock_ticks=2 * answer,
         retry_ticks=10,
         repair_per_frame=swaps_per_note(mission.agents),
-        leaders=tuple(map(int, mission.plan.parent)),
+        leaders=tuple(map(int, mission.layout.parent)),
     )
     party = SlotParty if spec.protocol == "agreed" else VersionedParty
     return party(me, initial, rules, nonce=boot, amnesiac=boot > 0, seals=seals)

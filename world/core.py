@@ -98,7 +98,7 @@ class WorldCore:
         """
         first = missions[0]
         self.missions = tuple(missions)
-        self.plan = first.plan
+        self.layout = first.layout
         worlds, agents = len(missions), first.agents
         self.shape = (worlds, agents)
         self.tick = np.zeros(worlds, np.int64)
@@ -143,7 +143,7 @@ class WorldCore:
         )
         self._ground = physics.Ground(self.goal_x, self.obstacle_count, self.obstacles)
         self._standard = referee.Standard(
-            self.plan.offsets, self.plan.parent, self.plan.is_leaf, self.plan.spacing, first.edge_tolerance,
+            self.layout.offsets, self.layout.parent, self.layout.is_leaf, self.layout.spacing, first.edge_tolerance,
             first.limits.collision_m,
         )  # fmt: skip
         self._findings = referee.Findings(self.nearest, self.edge_error, self.verdict)

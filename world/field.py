@@ -54,7 +54,7 @@ def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.f
     draw = _generator(mission.seed, _START)
     places = np.empty((mission.agents, 2))
     taken: list[list[float]] = obstacles.tolist()
-    for agent, pad in enumerate(mission.plan.offsets):
+    for agent, pad in enumerate(mission.layout.offsets):
         for _ in range(_TRIES):
             radius = mission.start.radius_m * np.sqrt(draw.uniform())
             angle = draw.uniform(0, 2 * np.pi)

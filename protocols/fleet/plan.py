@@ -78,7 +78,7 @@ class Plan:
     def slots_at(self, tick: int) -> tuple[Flat, ...]:
         """Where the slots are in the room, so many ticks after `go`."""
         target = self.mission.target.speed_mps * TICK_S * tick
-        return tuple(self.place.to_room((target + x, y)) for x, y in self.mission.plan.offsets.tolist())
+        return tuple(self.place.to_room((target + x, y)) for x, y in self.mission.layout.offsets.tolist())
 
     def height(self, slot: int) -> float:
         """At which height a slot flies."""

@@ -65,9 +65,9 @@ def _distances(mission: Mission) -> None:
         )
 
 
-def _plan(mission: Mission) -> None:
+def _layout(mission: Mission) -> None:
     try:
-        _ = mission.plan
+        _ = mission.layout
     except ValueError as error:
         field = "formation.slots_m" if mission.formation.shape == "custom" else "agents"
         raise ValueError(f"{field}: {error}") from None
@@ -235,7 +235,7 @@ class _SwarmState:
 _CHECKS: tuple[Callable[[Mission], None], ...] = (
     _slots,
     _distances,
-    _plan,
+    _layout,
     _target,
     _time,
     _delays,

@@ -186,7 +186,7 @@ class FailsafeSpec(Section):
 
 
 @lru_cache(maxsize=64)  # missions that differ in their seeds share it
-def _plan(spec: FormationSpec, agents: int) -> Formation:
+def _layout(spec: FormationSpec, agents: int) -> Formation:
     if spec.shape == "custom":
         points = shape_points("line", agents, spec.spacing_m)
         points[:] = spec.slots_m
@@ -270,9 +270,9 @@ class Mission(Section):
         return usual if self.swap.silent_s is None else ticks_of(self.swap.silent_s)
 
     @property
-    def plan(self) -> Formation:
+    def layout(self) -> Formation:
         """The formation's slots and tree."""
-        return _plan(self.formation, self.agents)
+        return _layout(self.formation, self.agents)
 
     @property
     def told(self) -> "Mission":

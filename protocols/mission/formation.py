@@ -17,7 +17,7 @@ NO_PARENT = -1
 _EDGE_TOLERANCE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)  # arrays do not compare to a truth; equal missions have equal plans
+@dataclass(frozen=True, eq=False)  # arrays do not compare to a truth; equal missions have equal layouts
 class Formation:
     """The slots of a formation and their tree.
 

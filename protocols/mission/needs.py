@@ -72,7 +72,7 @@ def least_flight_s(mission: Mission) -> float:
     Infinite where the target never brings it there. Slots whose drones are killed may stay empty; the rest may be ahead of
     their places by the tolerance of an edge.
     """
-    offsets = sorted(mission.plan.offsets[:, 0].tolist())
+    offsets = sorted(mission.layout.offsets[:, 0].tolist())
     killed = {
         who for fault in mission.faults if fault.kind == "kill" for who in (*fault.agents, *fault.slots)
     }
@@ -83,7 +83,7 @@ def least_flight_s(mission: Mission) -> float:
 
 def usual_limit_s(mission: Mission) -> float:
     """The usual time limit, or longer where the target takes the rear slot beyond the goal line later."""
-    rear = float(mission.plan.offsets[:, 0].min())
+    rear = float(mission.layout.offsets[:, 0].min())
     least = _when(_goal_m(mission, certain=False) - rear, mission.target.speed_mps)
     return max(USUAL_LIMIT_S, math.ceil(_SLACK * least)) if least < LONGEST_S else LONGEST_S
 

@@ -47,7 +47,7 @@ def judged(plan: Plan, path: Trajectory) -> Judged:
     rows = min(len(path.positions), plan.ticks + 1)
     if rows == 0:
         return Judged(None, "interrupted", float("inf"), None)
-    agents, formation, mission = plan.mission.agents, plan.mission.plan, plan.mission
+    agents, formation, mission = plan.mission.agents, plan.mission.layout, plan.mission
     shape, moments = (rows, agents), np.arange(rows)
     still = np.zeros((*shape, 2))
     bodies = Bodies(path.flying[:rows].copy(), path.positions[:rows].copy(), still, still, np.ones(shape))

@@ -81,7 +81,7 @@ class Batch:
             obstacle_count=np.zeros(worlds, np.int64),
             obstacles=np.zeros((worlds, MAX_OBSTACLES, 3)),
             goal_x=np.zeros(worlds),
-            is_leaf=mission.plan.is_leaf,
+            is_leaf=mission.layout.is_leaf,
             nearest=np.zeros(both),
             edge_error=np.zeros(both),
             verdict=np.zeros((worlds, referee.VERDICT_SIZE)),
@@ -102,7 +102,7 @@ class Batch:
             kernels.Field(
                 a_max=mission.limits.acceleration_mps2,
                 v_max=mission.limits.speed_mps,
-                spacing_m=mission.plan.spacing,
+                spacing_m=mission.layout.spacing,
                 edge_tolerance=mission.edge_tolerance,
                 collision_m=mission.limits.collision_m,
                 last_tick=mission.ticks,

@@ -13,7 +13,7 @@ def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
     """What came of the flight of the others: whatever ``outsider`` did, and one slot of any kind may be empty."""
     agents, discs = mission.agents, flown.obstacles
     formation, ground = (
-        mission.plan,
+        mission.layout,
         plant.Ground(np.array([flown.goal_x]), np.array([len(discs)]), discs[None]),
     )
     standard = referee.Standard(

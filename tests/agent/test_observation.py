@@ -122,7 +122,7 @@ def test_a_turned_world_is_observed_turned(
 
 
 MISSION = parse_mission({"agents": 4, "formation": {"shape": "line"}})
-PLAN = MISSION.plan  # root 1; 0 and 2 follow it, 3 follows 2
+LAYOUT = MISSION.layout  # root 1; 0 and 2 follow it, 3 follows 2
 
 
 def aim(
@@ -135,7 +135,7 @@ def aim(
     work.target_position[0] = [10.0, 0.0]
     views.slot_of[0], views.occupant[0] = slots, np.argsort(slots)
     memory.hops[0] = UNKNOWN
-    above = PLAN.parent[slots[me]]
+    above = LAYOUT.parent[slots[me]]
     if above >= 0:
         memory.hops[0, views.occupant[0, above]] = hops_to_leader
         memory.rel[0, views.occupant[0, above]] = [1.0, -4.0]
@@ -144,7 +144,7 @@ def aim(
 
 
 def test_the_slot_target_is_the_virtual_target_plus_the_slots_offset() -> None:
-    assert PLAN.root == 1
+    assert LAYOUT.root == 1
     assert aim(chain=False) == ([9.0, 8.0], [9.0, 8.0])
 
 

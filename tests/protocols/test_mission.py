@@ -22,7 +22,7 @@ def refusal(fields: dict[str, Any]) -> str:
 
 def test_an_empty_mission_is_the_standard_task() -> None:
     mission = parse_mission({})
-    assert (mission.agents, mission.policy, len(mission.plan)) == (25, "rsc-h20", 25)
+    assert (mission.agents, mission.policy, len(mission.layout)) == (25, "rsc-h20", 25)
     assert (mission.target.speed_mps, mission.radio.range_m, mission.sensing.range_m) == (3.0, 6.0, 6.0)
     limits = mission.limits
     assert (limits.acceleration_mps2, limits.speed_mps, limits.collision_m) == (10, 10, 0.5)

@@ -51,9 +51,9 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
 def test_only_edges_between_flying_drones_are_drawn(tmp_path):
     mission = Mission(agents=9, fly_s=1.0, faults=[{"at_s": 0.5, "kind": "kill", "slots": [4]}])
     track = flown(tmp_path, mission)
-    assert len(_edges(track.path, mission.plan, 0)) == 8
-    parent = mission.plan.parent
-    assert len(_edges(track.path, mission.plan, -1)) == 8 - (parent[4] >= 0) - (parent == 4).sum()
+    assert len(_edges(track.path, mission.layout, 0)) == 8
+    parent = mission.layout.parent
+    assert len(_edges(track.path, mission.layout, -1)) == 8 - (parent[4] >= 0) - (parent == 4).sum()
 
 
 def texts(figure) -> list[str]:

@@ -56,7 +56,7 @@ def test_the_tables_have_the_papers_rows():
     ]  # fmt: skip
     sizes = [resolve(row.options) for row in TABLES["2"].rows if row.policy == "rsc-h20"]
     assert [mission.agents for mission in sizes[::2]] == [6, 12, 36, 49, 15]
-    assert {len(mission.plan) for mission in sizes} == {6, 12, 36, 49, 15}
+    assert {len(mission.layout) for mission in sizes} == {6, 12, 36, 49, 15}
     assert len([row for row in TABLES["3"].rows if row.way.word == "paper"]) == 4
 
 

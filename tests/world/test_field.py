@@ -55,7 +55,7 @@ def test_everyone_starts_near_its_pad_and_clear_of_everything(seed: int, map_see
     np.fill_diagonal(gaps, np.inf)
     assert gaps.min() >= 1.0
     assert (np.linalg.norm(places[:, None] - discs[None, :, :2], axis=2) - discs[:, 2]).min() >= 1.0
-    assert np.linalg.norm(places - task.plan.offsets, axis=1).max() <= 5.0
+    assert np.linalg.norm(places - task.layout.offsets, axis=1).max() <= 5.0
 
 
 def test_start_places_fill_the_disc_evenly() -> None:

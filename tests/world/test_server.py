@@ -577,7 +577,12 @@ def test_drones_are_told_what_they_need_and_nothing_of_the_field_the_future_or_t
     assert "policy" not in briefing
     assert (briefing["map_seed"], briefing["seed"], briefing["faults"]) == (0, 0, [])
     assert briefing["obstacles"]["discs"] == []
-    assert (told.swarm, told.policy, told.limits, told.plan) == (task.swarm, "cruise", task.limits, task.plan)
+    assert (told.swarm, told.policy, told.limits, told.layout) == (
+        task.swarm,
+        "cruise",
+        task.limits,
+        task.layout,
+    )
     assert told == task.told
 
 

@@ -121,12 +121,12 @@ def _free_place(discs: NDArray[np.float64], index: int) -> NDArray[np.float64]:
     return np.asarray(middle + 0.6 * radius * away / length if length > 0 else middle)
 
 
-def _edges(path: Trajectory, plan: Formation, tick: int) -> list[NDArray[np.float64]]:
+def _edges(path: Trajectory, layout: Formation, tick: int) -> list[NDArray[np.float64]]:
     """Tree edges at ``tick`` as (2, 2) pairs of points, between the drones that claim the slots and fly."""
     holder = {int(slot): agent for agent, slot in enumerate(path.slots[tick]) if path.flying[tick, agent]}
     return [
         path.positions[tick, [holder[int(parent)], holder[slot]]]
-        for slot, parent in enumerate(plan.parent)
+        for slot, parent in enumerate(layout.parent)
         if parent != NO_PARENT and slot in holder and int(parent) in holder
     ]
 
@@ -139,7 +139,7 @@ def _draw_midway(axes: Any, track: Track) -> None:
     _write_time(axes, path, track.end)
     if np.linalg.norm(np.ptp(path.positions[[0, track.end]].mean(axis=1), axis=0)) < _SMALLEST_M:
         return
-    edges = _edges(path, track.mission.plan, middle)
+    edges = _edges(path, track.mission.layout, middle)
     axes.add_collection(LineCollection(edges, colors=ROCK, lw=1.0, alpha=0.75, zorder=5))
     for agent, colour in enumerate(_colours(path)):
         if path.flying[middle, agent]:
@@ -181,7 +181,7 @@ def _draw_formation(axes: Any, track: Track) -> None:
     from matplotlib.collections import LineCollection
 
     path, tick = track.path, track.end
-    edges = _edges(path, track.mission.plan, tick)
+    edges = _edges(path, track.mission.layout, tick)
     axes.add_collection(LineCollection(edges, colors=INK, lw=1.4, zorder=5))
     for agent, colour in enumerate(_colours(path)):
         if path.flying[tick, agent]:

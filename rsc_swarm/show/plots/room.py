@@ -36,7 +36,7 @@ def draw_plan(plan: Plan, out: Path) -> None:
     first, last = np.array(plan.slots_at(0)), np.array(plan.slots_at(plan.ticks))
     for slot, (start, end) in enumerate(zip(first, last, strict=True)):
         axes.plot(*zip(start, end, strict=True), color=FAINT, lw=1.0, zorder=1)
-        parent = int(plan.mission.plan.parent[slot])
+        parent = int(plan.mission.layout.parent[slot])
         if parent != NO_PARENT:
             axes.plot(*zip(end, last[parent], strict=True), color=INK, lw=1.4, zorder=3)
     axes.plot(*last.T, "o", ms=8, color="white", mec=INK, mew=1.2, zorder=4)
