@@ -122,9 +122,8 @@ class WorldCore:
             self.claim[world] = field.draw_slots(mission)
         self.initial_slots = self.claim.copy()
         self.sensed = empty_sensed(worlds * agents)
-        self.nearest = np.full(self.shape, np.inf)
-        self.edge_error = np.zeros(self.shape)
-        self.verdict = np.zeros((worlds, referee.VERDICT_SIZE))
+        self._findings = referee.empty_findings(worlds, agents)
+        self.nearest, self.edge_error = self._findings.nearest, self._findings.edge_error
         self.tally = np.zeros((worlds, len(medium.TALLY)), np.int64)
         self._link = medium.link_of(first)
         self._seeds = np.array([mission.seed for mission in missions], np.int64)
@@ -146,7 +145,6 @@ class WorldCore:
             self.layout.offsets, self.layout.parent, self.layout.is_leaf, self.layout.spacing, first.edge_tolerance,
             first.limits.collision_m,
         )  # fmt: skip
-        self._findings = referee.Findings(self.nearest, self.edge_error, self.verdict)
         self._clocks = medium.Clocks(self._seeds, self.tick, self.active)
         self._air = medium.Air(self.flying, self.condition.group, self.position, self._sent)
         self._judgements = [Judgement(mission) for mission in missions]
@@ -251,7 +249,7 @@ class WorldCore:
 
     def _settle(self) -> list[int]:
         ended: list[int] = []
-        numbers = self.verdict.tolist()  # a few of each: NumPy's own cost more than the rules
+        verdicts = self._findings.verdict.tolist()  # tuples: NumPy's own cost more than the rules
         for world in np.flatnonzero(self.active).tolist():
             judgement = self._judgements[world]
             judgement.digest(
@@ -261,9 +259,8 @@ class WorldCore:
                 self.claim[world],
                 self.tally[world],
             )
-            end = judgement.settle(
-                int(self.tick[world]), self.verdict[world], numbers[world], self.position[world]
-            )
+            verdict = referee.Verdict._make(verdicts[world])
+            end = judgement.settle(int(self.tick[world]), verdict, self.position[world])
             if end is not None:
                 self.end(world, end)
                 ended.append(world)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.wire.status import AgentStatus
-from world import referee
 from world.failsafe import CommandAges
 from world.invariants import Watched
+from world.referee import Verdict
 
 
 class StruckOff(NamedTuple):
@@ -98,9 +98,9 @@ class Judgement:
         )
         self._closest = np.inf
         self._closest_text = "nobody came near anybody"
-        self._overlap_ticks = 0.0
+        self._overlap_ticks = 0
         self._formed_tick = self._tau_tick = -1
-        self._verdict = self._at_tau = np.zeros(referee.VERDICT_SIZE)
+        self._verdict = self._at_tau = Verdict()
         self._held = True
         self._hash = hashlib.blake2b(digest_size=16)
 
@@ -109,10 +109,8 @@ class Judgement:
         for array in state:
             self._hash.update(array.data)
 
-    def settle(
-        self, tick: int, verdict: NDArray[np.float64], numbers: list[float], position: NDArray[np.float64]
-    ) -> str | None:
-        """What the referee's ``verdict`` on this tick (``numbers``: the same as a list) means for the flight.
+    def settle(self, tick: int, verdict: Verdict, position: NDArray[np.float64]) -> str | None:
+        """What the referee's ``verdict`` on this tick means for the flight.
 
         Args:
             position: (N, 2) where the drones are.
@@ -121,20 +119,19 @@ class Judgement:
             None while it goes on, else why it ends; "" if it ends in success.
         """
         self._verdict = verdict
-        self._overlap_ticks += numbers[referee.SHARED_SLOTS]
-        closest = min(numbers[referee.CLOSEST_AGENTS], numbers[referee.CLOSEST_OBSTACLE])
+        self._overlap_ticks += verdict.shared_slots
+        closest = min(verdict.closest_agents_m, verdict.closest_obstacle_m)
         if closest < self._closest:
             self._closest = closest
-            self._closest_text = _describe_closest(tick, numbers, position)
-        if self._formed_tick < 0 and numbers[referee.STANDING] > 0:
+            self._closest_text = _describe_closest(tick, verdict, position)
+        if self._formed_tick < 0 and verdict.standing:
             self._formed_tick = tick
-        formed = numbers[referee.FORMED] > 0
         if self._tau_tick >= 0:
-            self._held &= formed
-        elif formed:
+            self._held &= verdict.formed
+        elif verdict.formed:
             self._tau_tick = tick
-            self._at_tau = verdict.copy()
-        if numbers[referee.COLLIDED] > 0:
+            self._at_tau = verdict
+        if verdict.collided:
             return "collision"
         if self._tau_tick < 0:
             return "late" if tick >= self._last_tick else None
@@ -150,24 +147,24 @@ class Judgement:
             ticks=tick,
             tau_s=round(tau * TICK_S, 2) if tau >= 0 else None,
             formed_s=round(formed * TICK_S, 2) if formed >= 0 else None,
-            max_edge_error=float(verdict[referee.EDGE_ERROR]),
-            max_slot_error_m=float(verdict[referee.SLOT_ERROR]),
+            max_edge_error=verdict.edge_error,
+            max_slot_error_m=verdict.slot_error_m,
             min_distance_m=float(self._closest),
             closest=self._closest_text,
             held_after_success=self._held if not failure and self._hold_s > 0 else None,
-            overlap_s=float(self._overlap_ticks) * TICK_S,
+            overlap_s=self._overlap_ticks * TICK_S,
             lost_agents=tuple(int(agent) for agent in np.flatnonzero(~flying)),
             digest=self._hash.hexdigest(),
         )
 
 
-def _describe_closest(tick: int, numbers: list[float], position: NDArray[np.float64]) -> str:
-    if numbers[referee.CLOSEST_AGENTS] <= numbers[referee.CLOSEST_OBSTACLE]:
-        first, second = int(numbers[referee.AGENT_A]), int(numbers[referee.AGENT_B])
+def _describe_closest(tick: int, verdict: Verdict, position: NDArray[np.float64]) -> str:
+    if verdict.closest_agents_m <= verdict.closest_obstacle_m:
+        first, second = verdict.agent_a, verdict.agent_b
         x, y = (position[first] + position[second]) / 2
         who = f"agents {first} and {second}"
     else:
-        agent = int(numbers[referee.AGENT_C])
+        agent = verdict.agent_c
         x, y = position[agent]
-        who = f"agent {agent} and obstacle {int(numbers[referee.OBSTACLE])}"
+        who = f"agent {agent} and obstacle {verdict.obstacle}"
     return f"{who} at x = {x:.1f} m, y = {y:.1f} m, t = {tick * TICK_S:.2f} s"

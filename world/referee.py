@@ -18,10 +18,36 @@ from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
 from world.plant import Bodies, Ground
 
-# Columns of a verdict: one row of floats per world and tick.
-(CLOSEST_AGENTS, AGENT_A, AGENT_B, CLOSEST_OBSTACLE, AGENT_C, OBSTACLE, EDGE_ERROR, EDGE_CHILD, SLOT_ERROR, COMPLETE, PASSED,
- SHARED_SLOTS, STANDING, FORMED, COLLIDED) = range(15)  # fmt: skip
-VERDICT_SIZE = 15
+
+class Verdict(NamedTuple):
+    """What the referee says of one world after one tick.
+
+    closest_agents_m: distance of the nearest two drones, agent_a and agent_b. closest_obstacle_m: least distance of a drone,
+    agent_c, from the surface of an obstacle. edge_error: the worst relative error of an edge's length. slot_error_m: the farthest
+    that a drone is from virtual target + slot offset. shared_slots: claims of slots that others claim, too. complete: all slots
+    but empty leaves are held, by one each. passed: all are beyond the goal line. standing: the formation stands; formed: it does
+    so beyond the goal line, which is success. collided: anybody did.
+    """
+
+    closest_agents_m: float = math.inf
+    agent_a: int = -1
+    agent_b: int = -1
+    closest_obstacle_m: float = math.inf
+    agent_c: int = -1
+    obstacle: int = -1
+    edge_error: float = 0.0
+    slot_error_m: float = 0.0
+    shared_slots: int = 0
+    complete: bool = False
+    passed: bool = False
+    standing: bool = False
+    formed: bool = False
+    collided: bool = False
+
+
+VERDICT = np.dtype(
+    [*Verdict.__annotations__.items()], align=True
+)  #: one Verdict as a record, for arrays of them
 
 
 class Standard(NamedTuple):
@@ -40,16 +66,19 @@ class Findings(NamedTuple):
     """What is found.
 
     nearest: (E, N) distance to the nearest drone or obstacle surface [m]. edge_error: (E, N) relative length error of the edge to
-    the leader's slot, 0 for the root's holder.
-    verdict: (E, VERDICT_SIZE) closest pair of drones [m, who, who]; closest obstacle surface [m, who, which]; worst
-        relative edge error and the agent at its follower end; worst distance from virtual target + slot offset [m];
-        1 if all slots but empty leaves are held; 1 if all have passed the goal line; slots claimed more than once; 1 if
-        the formation stands; 1 if it stands beyond the goal line, which is success; 1 if anything collided.
+    the leader's slot, 0 for the root's holder. verdict: (E,) of VERDICT.
     """
 
     nearest: NDArray[np.float64]
     edge_error: NDArray[np.float64]
-    verdict: NDArray[np.float64]
+    verdict: NDArray[np.void]
+
+
+def empty_findings(worlds: int, agents: int) -> Findings:
+    """Nothing found yet."""
+    return Findings(
+        np.full((worlds, agents), np.inf), np.zeros((worlds, agents)), np.array([Verdict()] * worlds, VERDICT)
+    )
 
 
 @inlined_kernel
@@ -63,10 +92,10 @@ def judge_world(
     offsets, parent, spacing = standard.offsets, standard.parent, standard.spacing_m
     nearest, edge_error = findings.nearest, findings.edge_error
     agents = flying.shape[1]
-    result = findings.verdict[world]
-    result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE] = np.inf, np.inf
-    result[EDGE_ERROR], result[EDGE_CHILD], result[SLOT_ERROR] = 0.0, -1, 0.0
-    result[COMPLETE], result[PASSED], result[SHARED_SLOTS] = 1.0, 1.0, 0.0
+    closest, first, second = np.inf, -1, -1
+    clearance, who, which = np.inf, -1, -1
+    worst_edge, worst_slot, shared = 0.0, 0.0, 0
+    anyone, passed = False, True
     for agent in range(agents):
         nearest[world, agent], edge_error[world, agent], holder[agent] = np.inf, 0.0, -1
     for agent in range(agents):  # pairs, by squares of distances
@@ -81,11 +110,10 @@ def judge_world(
                 nearest[world, other] = min(nearest[world, other], gap2)
                 if gap2 < nearest2:
                     nearest2 = gap2
-                    if gap2 < result[CLOSEST_AGENTS]:
-                        result[CLOSEST_AGENTS], result[AGENT_A], result[AGENT_B] = gap2, agent, other
+                    if gap2 < closest:
+                        closest, first, second = gap2, agent, other
         nearest[world, agent] = math.sqrt(nearest2)
-    result[CLOSEST_AGENTS] = math.sqrt(result[CLOSEST_AGENTS])
-    anyone = False
+    closest = math.sqrt(closest)
     for agent in range(agents):
         if not flying[world, agent]:
             continue
@@ -95,22 +123,19 @@ def judge_world(
             disc = obstacles[world, index]
             gap = math.sqrt((disc[0] - px) ** 2 + (disc[1] - py) ** 2) - disc[2]
             nearest[world, agent] = min(nearest[world, agent], gap)
-            if gap < result[CLOSEST_OBSTACLE]:
-                result[CLOSEST_OBSTACLE], result[AGENT_C], result[OBSTACLE] = gap, agent, index
-        if px <= ground.goal_x[world]:
-            result[PASSED] = 0.0
+            if gap < clearance:
+                clearance, who, which = gap, agent, index
+        passed &= px > ground.goal_x[world]
         slot = claim[world, agent]
-        if holder[slot] >= 0:
-            result[SHARED_SLOTS] += 1.0
-            result[COMPLETE] = 0.0
+        shared += holder[slot] >= 0
         holder[slot] = agent
         wide = math.sqrt((target_x + offsets[slot, 0] - px) ** 2 + (offsets[slot, 1] - py) ** 2)
-        result[SLOT_ERROR] = max(result[SLOT_ERROR], wide)
+        worst_slot = max(worst_slot, wide)
+    complete = shared == 0
     for slot in range(agents):
         follower = holder[slot]
         if follower < 0:
-            if not standard.is_leaf[slot]:
-                result[COMPLETE] = 0.0
+            complete &= standard.is_leaf[slot]
             continue
         if parent[slot] == NO_PARENT or holder[parent[slot]] < 0:
             continue
@@ -119,14 +144,15 @@ def judge_world(
         dy = position[world, follower, 1] - position[world, leader, 1]
         error = abs(math.sqrt(dx * dx + dy * dy) - spacing) / spacing
         edge_error[world, follower] = error
-        if error > result[EDGE_ERROR]:
-            result[EDGE_ERROR], result[EDGE_CHILD] = error, follower
-    stands = anyone and result[COMPLETE] > 0.0 and result[EDGE_ERROR] < standard.edge_tolerance
-    result[STANDING] = 1.0 if stands else 0.0
-    result[FORMED] = 1.0 if stands and result[PASSED] > 0.0 else 0.0
-    result[COLLIDED] = (
-        1.0 if min(result[CLOSEST_AGENTS], result[CLOSEST_OBSTACLE]) < standard.collision_m else 0.0
-    )
+        worst_edge = max(worst_edge, error)
+    standing = anyone and complete and worst_edge < standard.edge_tolerance
+    verdict = findings.verdict[world]
+    verdict["closest_agents_m"], verdict["agent_a"], verdict["agent_b"] = closest, first, second
+    verdict["closest_obstacle_m"], verdict["agent_c"], verdict["obstacle"] = clearance, who, which
+    verdict["edge_error"], verdict["slot_error_m"], verdict["shared_slots"] = worst_edge, worst_slot, shared
+    verdict["complete"], verdict["passed"] = complete, passed
+    verdict["standing"], verdict["formed"] = standing, standing and passed
+    verdict["collided"] = min(closest, clearance) < standard.collision_m
 
 
 @allocating_kernel

@@ -1,27 +1,22 @@
 """Can a mission be flown? Each check is a pure function that says in one line what is wrong and what would be right.
 
-Fields alone are judged where they stand (protocols.mission.document); here stands what fields say about each other.
+Fields alone are judged where they stand (protocols.mission.fields); here stands what fields say about each other.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from protocols.dynamics import TICK_S, TICKS_PER_S, ticks_of
 from protocols.mission import needs
+from protocols.mission.fault import Fault
+from protocols.mission.fields import MissionFields
 from protocols.mission.values import LONGEST_S
-
-if TYPE_CHECKING:
-    from protocols.mission.document import Mission
-    from protocols.mission.fault import Fault
 
 RATE_TOLERANCE = 0.002  #: of a frame rate: three digits name one, 33.3 as well as 33.333
 _LEAST_DELAY_MS = 500 * TICK_S
 
 
-def check_mission(mission: Mission) -> None:
+def check_mission(mission: MissionFields) -> None:
     """Refuse what cannot be flown.
 
     Raises:
@@ -31,7 +26,7 @@ def check_mission(mission: Mission) -> None:
         check(mission)
 
 
-def _slots(mission: Mission) -> None:
+def _slots(mission: MissionFields) -> None:
     spec, agents = mission.formation, mission.agents
     if (spec.shape == "custom") != (spec.slots_m is not None):
         raise ValueError("formation.slots_m: give slot positions together with shape: custom, and only then")
@@ -41,7 +36,7 @@ def _slots(mission: Mission) -> None:
         )
 
 
-def _distances(mission: Mission) -> None:
+def _distances(mission: MissionFields) -> None:
     spec, contact = mission.formation, mission.limits.collision_m
     if spec.spacing_m < 2 * contact:
         raise ValueError(
@@ -65,7 +60,7 @@ def _distances(mission: Mission) -> None:
         )
 
 
-def _layout(mission: Mission) -> None:
+def _layout(mission: MissionFields) -> None:
     try:
         _ = mission.layout
     except ValueError as error:
@@ -73,7 +68,7 @@ def _layout(mission: Mission) -> None:
         raise ValueError(f"{field}: {error}") from None
 
 
-def _target(mission: Mission) -> None:
+def _target(mission: MissionFields) -> None:
     speed, drones = mission.target.speed_mps, mission.limits.speed_mps
     if speed >= drones:
         raise ValueError(
@@ -81,7 +76,7 @@ def _target(mission: Mission) -> None:
         )
 
 
-def _time(mission: Mission) -> None:
+def _time(mission: MissionFields) -> None:
     if mission.fly_s is not None:  # only the beginning is asked for
         return
     least = needs.least_flight_s(mission)
@@ -98,7 +93,7 @@ def _time(mission: Mission) -> None:
         )
 
 
-def _frame_rate(mission: Mission) -> None:
+def _frame_rate(mission: MissionFields) -> None:
     rate = mission.radio.frame_rate_hz
     every = needs.frame_ticks(rate)
     flown = TICKS_PER_S / every
@@ -110,14 +105,14 @@ def _frame_rate(mission: Mission) -> None:
             f"radio.frame_rate_hz: {rate:g} Hz is no frame every so many ticks; the nearest are "
             f"{others[0]:.4g} and {others[1]:.4g}"
         )
-    if every > mission.limit_ticks:
+    if every > (limit := needs.limit_ticks(mission)):
         raise ValueError(
-            f"radio.frame_rate_hz: at {rate:g} Hz not every drone speaks in a flight of {mission.limit_ticks * TICK_S:g} s; "
-            f"give at least {TICKS_PER_S / mission.limit_ticks:.3g}"
+            f"radio.frame_rate_hz: at {rate:g} Hz not every drone speaks in a flight of {limit * TICK_S:g} s; "
+            f"give at least {TICKS_PER_S / limit:.3g}"
         )
 
 
-def _delays(mission: Mission) -> None:
+def _delays(mission: MissionFields) -> None:
     radio = mission.radio
     if 0 < radio.delay_ms + radio.jitter_ms < _LEAST_DELAY_MS:
         field = "delay_ms" if radio.delay_ms else "jitter_ms"
@@ -127,7 +122,7 @@ def _delays(mission: Mission) -> None:
         )
 
 
-def _waits(mission: Mission) -> None:
+def _waits(mission: MissionFields) -> None:
     radio, swap = mission.radio, mission.swap
     for field, given, least, why in (
         (
@@ -150,7 +145,7 @@ def _waits(mission: Mission) -> None:
             )
 
 
-def _burst(mission: Mission) -> None:
+def _burst(mission: MissionFields) -> None:
     burst = mission.radio.burst
     if 0 < burst.loss < 1:
         least = TICK_S * burst.loss / (1 - burst.loss)
@@ -161,8 +156,8 @@ def _burst(mission: Mission) -> None:
             )
 
 
-def _faults(mission: Mission) -> None:
-    end = mission.limit_ticks + ticks_of(mission.hold_s)
+def _faults(mission: MissionFields) -> None:
+    end = needs.limit_ticks(mission) + ticks_of(mission.hold_s)
     state = _SwarmState()
     for index, fault in sorted(enumerate(mission.faults), key=lambda entry: entry[1].at_tick):
         place = f"faults.{index}"
@@ -232,7 +227,7 @@ class _SwarmState:
         return wrong
 
 
-_CHECKS: tuple[Callable[[Mission], None], ...] = (
+_CHECKS: tuple[Callable[[MissionFields], None], ...] = (
     _slots,
     _distances,
     _layout,

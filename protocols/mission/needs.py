@@ -4,17 +4,12 @@ A time that a mission leaves out is what these say, or the usual one where that 
 least what these say (protocols.mission.checks).
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 from protocols.dynamics import TICK_S, TICKS_PER_S, ticks_of
+from protocols.mission.fields import MissionFields, Radio
 from protocols.mission.values import LONGEST_S
 from protocols.wire.frames import AGE_UNIT_TICKS, AGE_WINDOW
-
-if TYPE_CHECKING:
-    from protocols.mission.document import Mission, Radio
 
 USUAL_MEMORY_S, USUAL_ANSWER_S, USUAL_SILENCE_S, USUAL_LIMIT_S = 0.5, 0.5, 4.0, 21.0
 _OUT_OF_REACH_S = 3.5  # so long the obstacles may keep a drone out of everybody's range
@@ -66,7 +61,7 @@ def usual_silence_ticks(radio: Radio, agents: int) -> int:
     return min(max(ticks_of(USUAL_SILENCE_S), longer), ticks_of(LONGEST_S))
 
 
-def least_flight_s(mission: Mission) -> float:
+def least_flight_s(mission: MissionFields) -> float:
     """Seconds before which the formation cannot be beyond the goal line: its rear slot flies with the target.
 
     Infinite where the target never brings it there. Slots whose drones are killed may stay empty; the rest may be ahead of
@@ -81,7 +76,12 @@ def least_flight_s(mission: Mission) -> float:
     return _when(_goal_m(mission, certain=True) - rear - ahead, mission.target.speed_mps)
 
 
-def usual_limit_s(mission: Mission) -> float:
+def limit_ticks(mission: MissionFields) -> int:
+    """Ticks until a whole flight counts as failed."""
+    return ticks_of(usual_limit_s(mission) if mission.time_limit_s is None else mission.time_limit_s)
+
+
+def usual_limit_s(mission: MissionFields) -> float:
     """The usual time limit, or longer where the target takes the rear slot beyond the goal line later."""
     rear = float(mission.layout.offsets[:, 0].min())
     least = _when(_goal_m(mission, certain=False) - rear, mission.target.speed_mps)
@@ -94,7 +94,7 @@ def _when(way_m: float, speed_mps: float) -> float:
     return way_m / speed_mps if speed_mps > 0 else math.inf
 
 
-def _goal_m(mission: Mission, certain: bool) -> float:
+def _goal_m(mission: MissionFields, certain: bool) -> float:
     """Where the goal line lies, before the map is drawn: at least there if ``certain``, else at most."""
     spec, ends = mission.obstacles, [mission.goal_x_m]
     if spec.discs is not None:

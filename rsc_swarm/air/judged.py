@@ -9,17 +9,7 @@ from protocols.dynamics import TICK_S
 from protocols.fleet.plan import Plan
 from world.outlets.trajectory import Trajectory
 from world.plant import Bodies, Ground
-from world.referee import (
-    CLOSEST_AGENTS,
-    CLOSEST_OBSTACLE,
-    COLLIDED,
-    FORMED,
-    SLOT_ERROR,
-    VERDICT_SIZE,
-    Findings,
-    Standard,
-    judge,
-)
+from world.referee import Standard, empty_findings, judge
 
 
 @dataclass(frozen=True)
@@ -60,17 +50,17 @@ def judged(plan: Plan, path: Trajectory) -> Judged:
         formation.offsets, formation.parent, formation.is_leaf, formation.spacing, mission.edge_tolerance,
         mission.limits.collision_m,
     )  # fmt: skip
-    findings = Findings(np.zeros(shape), np.zeros(shape), np.zeros((rows, VERDICT_SIZE)))
+    findings = empty_findings(rows, agents)
     target = np.asarray(moments * TICK_S * mission.target.speed_mps, np.float64)
     judge(np.ones(rows, np.bool_), bodies, path.slots[:rows].copy(), ground, target, standard, findings)
     verdict, scale = findings.verdict, plan.fleet.scale
-    formed, collided = np.flatnonzero(verdict[:, FORMED]), bool(verdict[:, COLLIDED].any())
+    formed, collided = np.flatnonzero(verdict["formed"]), bool(verdict["collided"].any())
     tau_s = float(formed[0]) * TICK_S if len(formed) else None
     failure = "collision" if collided else None if tau_s is not None else "late"
     whole = rows > plan.ticks
     return Judged(
         None if collided else tau_s,
         failure,
-        scale * float(min(verdict[:, CLOSEST_AGENTS].min(), verdict[:, CLOSEST_OBSTACLE].min())),
-        scale * float(verdict[plan.ticks, SLOT_ERROR]) if whole else None,
+        scale * float(min(verdict["closest_agents_m"].min(), verdict["closest_obstacle_m"].min())),
+        scale * float(verdict["slot_error_m"][plan.ticks]) if whole else None,
     )

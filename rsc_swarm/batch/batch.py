@@ -82,9 +82,7 @@ class Batch:
             obstacles=np.zeros((worlds, MAX_OBSTACLES, 3)),
             goal_x=np.zeros(worlds),
             is_leaf=mission.layout.is_leaf,
-            nearest=np.zeros(both),
-            edge_error=np.zeros(both),
-            verdict=np.zeros((worlds, referee.VERDICT_SIZE)),
+            findings=referee.empty_findings(worlds, agents),
             closest=np.zeros(worlds),
             formed=np.zeros(worlds, np.int64),
             rested=np.zeros(both, np.int64),
@@ -196,7 +194,7 @@ class Batch:
 
     def outcome(self, world: int) -> Outcome:
         """How the episode of ``world`` ended, as a flight's report has it."""
-        stage, verdict = self.stage, self.stage.verdict[world]
+        stage, verdict = self.stage, referee.Verdict._make(self.stage.findings.verdict[world].tolist())
         success, ticks, formed = (
             stage.result[world] == kernels.SUCCEEDED,
             int(stage.ticks[world]),
@@ -208,8 +206,8 @@ class Batch:
             ticks=ticks,
             tau_s=round(ticks * TICK_S, 2) if success else None,
             formed_s=round(formed * TICK_S, 2) if formed >= 0 else None,
-            max_edge_error=float(verdict[referee.EDGE_ERROR]),
-            max_slot_error_m=float(verdict[referee.SLOT_ERROR]),
+            max_edge_error=verdict.edge_error,
+            max_slot_error_m=verdict.slot_error_m,
             min_distance_m=float(stage.closest[world]),
             closest="",
             held_after_success=None,

@@ -1,6 +1,7 @@
 """The compiled loop of the batch simulation: many ticks of many worlds without Python in between.
 
-It calls the rules of the drones (agent) and of nature (world) one after the other, world by world:
+It calls the rules of the drones (agent) and of nature (world) one after the other, world by world, in the order of
+`world.director`, whose flight it repeats bit for bit (tests/rsc_swarm/test_batch.py):
 
     policy -> follow or decide -> safety filter -> move -> judge -> reconfigure -> sense, perceive, observe
 
@@ -55,9 +56,7 @@ class Stage(NamedTuple):
     obstacles: NDArray[np.float64]
     goal_x: NDArray[np.float64]
     is_leaf: NDArray[np.bool_]
-    nearest: NDArray[np.float64]
-    edge_error: NDArray[np.float64]
-    verdict: NDArray[np.float64]
+    findings: referee.Findings
     closest: NDArray[np.float64]
     formed: NDArray[np.int64]
     rested: NDArray[np.int64]
@@ -221,14 +220,14 @@ def _reconfigure(world: int, stage: Stage, cooldown_ticks: int, arrays: TickArra
 @inlined_kernel
 def _settle(world: int, stage: Stage, field: Field) -> None:
     """What the referee's verdict on this tick means for the flight."""
-    verdict = stage.verdict[world]
-    nearest = min(verdict[referee.CLOSEST_AGENTS], verdict[referee.CLOSEST_OBSTACLE])
+    verdict = stage.findings.verdict[world]
+    nearest = min(verdict["closest_agents_m"], verdict["closest_obstacle_m"])
     stage.closest[world] = min(stage.closest[world], nearest)
-    if stage.formed[world] < 0 and verdict[referee.STANDING] > 0.0:
+    if stage.formed[world] < 0 and verdict["standing"]:
         stage.formed[world] = stage.ticks[world]
-    if verdict[referee.COLLIDED] > 0.0:
+    if verdict["collided"]:
         stage.result[world] = COLLIDED
-    elif verdict[referee.FORMED] > 0.0:
+    elif verdict["formed"]:
         stage.result[world] = SUCCEEDED
     elif stage.ticks[world] >= field.last_tick:
         stage.result[world] = LATE
@@ -246,8 +245,9 @@ def _judge(world: int, stage: Stage, field: Field, arrays: TickArrays, holder: N
     standard = referee.Standard(
         shape.offsets, shape.parent, stage.is_leaf, field.spacing_m, field.edge_tolerance, field.collision_m
     )
-    findings = referee.Findings(stage.nearest, stage.edge_error, stage.verdict)
-    referee.judge_world(world, _bodies(stage), stage.claim, _ground(stage), x, standard, findings, holder)
+    referee.judge_world(
+        world, _bodies(stage), stage.claim, _ground(stage), x, standard, stage.findings, holder
+    )
 
 
 @inlined_kernel

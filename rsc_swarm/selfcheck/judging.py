@@ -20,9 +20,7 @@ def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
         formation.offsets, formation.parent, np.ones(agents, np.bool_), formation.spacing, mission.edge_tolerance,
         mission.limits.collision_m,
     )  # fmt: skip
-    found = referee.Findings(
-        np.zeros((1, agents)), np.zeros((1, agents)), np.zeros((1, referee.VERDICT_SIZE))
-    )
+    found = referee.empty_findings(1, agents)
     judgement, nothing, active = Judgement(mission), np.zeros((1, agents, 2)), np.ones(1, np.bool_)
     flying = flown.flying & (np.arange(agents) != outsider)
     end, tick = None, 0
@@ -32,5 +30,5 @@ def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
         bodies = plant.Bodies(flying[tick][None], position, nothing, nothing, np.ones((1, agents)))
         target = np.array([target_x(tick, mission.target.speed_mps)])
         referee.judge(active, bodies, claim, ground, target, standard, found)
-        end = judgement.settle(tick, found.verdict[0], found.verdict[0].tolist(), position[0])
+        end = judgement.settle(tick, referee.Verdict._make(found.verdict[0].tolist()), position[0])
     return judgement.outcome(tick, "interrupted" if end is None else end, flying[tick])

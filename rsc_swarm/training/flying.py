@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from protocols.dynamics import TICK_S
-from protocols.mission.document import Mission, Obstacles, Trajectory
+from protocols.mission.document import Mission
+from protocols.mission.fields import Obstacles, Trajectory
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.kernel import COLLIDED, FLYING, SUCCEEDED
 from rsc_swarm.training.config import PAST, TrainingConfig

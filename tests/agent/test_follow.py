@@ -9,7 +9,8 @@ from agent.control.gains import GAINS, gains_for, reactive_part
 from agent.control.surroundings import Discs, Neighbours
 from agent.policy.analytic_kernel import analytic
 from protocols.dynamics import TICK_S, integrate
-from protocols.mission.document import Mission, Trajectory, parse_mission
+from protocols.mission.document import Mission, parse_mission
+from protocols.mission.fields import Trajectory
 
 START = np.array([2.0, -1.0, 3.0, 0.5])
 

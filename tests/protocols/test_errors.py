@@ -15,6 +15,7 @@ from protocols.errors import BrokenError, ExitCode, SwarmError
 
 # Verdicts on what came over the air or was asked of a pure rule: their callers answer them, no user meets them.
 _INTERNAL = {
+    "AccountError",
     "BeaconError",
     "FrameError",
     "IllegalSwap",

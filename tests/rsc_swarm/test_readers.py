@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.mission.document import Mission, Obstacles
+from protocols.mission.document import Mission
+from protocols.mission.fields import Obstacles
 from protocols.wire.certificates import read_login
 from protocols.wire.login import Login
 from rsc_swarm.flight import key_files
