@@ -9,9 +9,9 @@ from protocols.dynamics import TICKS_PER_S
 from protocols.wire.beacon import Beacon
 
 _AHEAD_TICKS = 10  # of this clock: a frame from later than that is worth nothing
-_CLOCK_WINDOW_S = 2.0
+_CLOCK_WINDOW_S = 1.0
 _MOVED_ON_S = 1.0  # no longer: then it has stopped, or is somewhere else
-_GONE_S = 15.0  # who fell silent in flight has landed by then
+_GONE_S = 4.0  # who fell silent in flight is landing by its failsafe, and no longer in the way
 _MOST_WAITING = 1024
 OPERATOR = -1  # among the numbers of drones, for the clock
 
@@ -46,10 +46,10 @@ class Contacts:
 
     def compare_clocks(self, who: int, their_us: int, utc_us: int, now: float) -> None:
         """``who`` said at its time ``their_us`` what came at ``utc_us``."""
-        window = self._late.setdefault(who, deque())
-        window.append((now, (utc_us - their_us) / 1e6))
-        while now - window[0][0] > _CLOCK_WINDOW_S:
-            window.popleft()
+        window, late = self._late.setdefault(who, deque()), (utc_us - their_us) / 1e6
+        while window and window[-1][1] >= late:
+            window.pop()
+        window.append((now, late))
 
     def frames(self, tick: int) -> list[tuple[int, bytes]]:
         """The frames that may be heard in this tick of the mission, and who sent them. One that is ahead waits for its time."""
@@ -61,17 +61,21 @@ class Contacts:
         """All that were ever heard, by number."""
         return self._known
 
-    def silent_s(self, now: float) -> float | None:
-        """Since any of them was heard; None: nobody ever was."""
-        return min((now - contact.heard_at for contact in self._known.values()), default=None)
+    def few_s(self, others: int, now: float) -> float | None:
+        """Since at least half of so many others were heard; None: there are no others, or never were so many.
+
+        Who hears fewer may be cut off from a swarm that takes it for dead, and gives its slot to another.
+        """
+        ages = sorted(now - contact.heard_at for contact in self._known.values())
+        half = (others + 1) // 2
+        return ages[half - 1] if 0 < half <= len(ages) else None
 
     def clock_s(self, now: float) -> float | None:
         """This clock minus the median of the others, but for the quickest way of a beacon; None: nobody is heard."""
-        best = [
-            min(late for _, late in window)
-            for window in self._late.values()
-            if now - window[-1][0] < _CLOCK_WINDOW_S
-        ]
+        for window in self._late.values():
+            while window and now - window[0][0] > _CLOCK_WINDOW_S:
+                window.popleft()
+        best = [window[0][1] for window in self._late.values() if window]
         return statistics.median(best) if best else None
 
     def movers(self, now: float) -> tuple[Mover, ...]:

@@ -8,8 +8,10 @@ output but the vehicle's.
     say      a beacon with the frame, when one is due, and now and then an account
 """
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 from agent.air.body import RoomBody
 from agent.air.contacts import OPERATOR, Contact, Contacts, tick_of
@@ -19,7 +21,7 @@ from agent.air.peers import OPERATOR as THE_OPERATOR
 from agent.air.peers import Said, name_of
 from agent.air.pilot import IN_FLIGHT, Facts, Patience, Phase, Pilot, step
 from agent.air.preflight import complaints
-from agent.air.vehicle import Mode, Setpoint, State, Vehicle, VehicleError
+from agent.air.vehicle import Mode, Setpoint, State, Vector, Vehicle, VehicleError
 from agent.process import Drone
 from agent.slot_endpoints import SealsOf
 from protocols.dynamics import TICK_S
@@ -68,7 +70,8 @@ class AirDrone:
         self._order: Order | None = None
         self._word_at: float | None = None
         self._go: int | None = None  # tick of UTC
-        self._before: tuple[State, float] | None = None
+        self._before: tuple[State, float] | None = None  # as the vehicle said, and when
+        self._astray = (0.0, 0.0, 0.0)  # by which what it says of its position has jumped in this flight
         self._stand = Setpoint((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._asked_at = 0.0
 
@@ -115,14 +118,14 @@ class AirDrone:
             agent.air.vehicle.VehicleError: the vehicle cannot be reached any more.
             agent.policy.PolicyError: the policy raised.
         """
-        state, utc_tick = self.vehicle.state(), tick_of(utc_us)
+        (state, jump_m), utc_tick = self._measure(now), tick_of(utc_us)
         order, self._order = self._order, None
         if order is Order.GO and self._word and self.pilot.phase is Phase.FORM:
             late = (utc_tick - self._word.at_tick) * TICK_S
             self._go = self._word.at_tick if late < _LATEST_GO_S else None
         tick = NO_TICK if self._go is None else max(NO_TICK, utc_tick - self._go)
         setpoint = self._setpoint(state, tick, now)
-        verdict = self._judge(state, setpoint, now)
+        verdict = self._judge(state, jump_m, setpoint, now)
         changed = self._decide(state, order, verdict, tick, utc_us, now)
         if changed:
             self._enter(state, utc_us)
@@ -133,7 +136,6 @@ class AirDrone:
             self._asked_at = now
         if changed:
             self._asked_at = now
-        self._before = state, now
         return self._said(state, tick, utc_us, now, changed)
 
     def _setpoint(self, state: State, tick: int, now: float) -> Setpoint | None:
@@ -154,12 +156,27 @@ class AirDrone:
         self._drone.act(tick)
         return self._body.setpoint if phase is Phase.FLY else None
 
-    def _judge(self, state: State, setpoint: Setpoint | None, now: float) -> Verdict:
-        before, dt_s = (None, 0.0) if self._before is None else (self._before[0], now - self._before[1])
-        alone = self.plan.mission.agents == 1
+    def _measure(self, now: float) -> tuple[State, float]:
+        """The vehicle's state, and how far its position has moved at once [m].
+
+        Who sees its own position jump holds, and says to the others that it is where it was: there they must not fly.
+        """
+        said, jump = self.vehicle.state(), (0.0, 0.0, 0.0)
+        if self._before is not None and self.pilot.phase in IN_FLIGHT:
+            before, dt_s = self._before[0], now - self._before[1]
+            jump = _minus(_minus(said.p, before.p), _times(before.v, dt_s))
+        length = math.hypot(*jump)
+        if length > self.plan.fleet.guard.jump_m:
+            self._astray = _minus(self._astray, _times(jump, -1.0))
+        elif self.pilot.phase not in IN_FLIGHT:
+            self._astray = (0.0, 0.0, 0.0)
+        self._before = said, now
+        return replace(said, p=_minus(said.p, self._astray)) if any(self._astray) else said, length
+
+    def _judge(self, state: State, jump_m: float, setpoint: Setpoint | None, now: float) -> Verdict:
         seen = Situation(
-            state, before, dt_s, setpoint, self._contacts.movers(now),
-            None if alone else self._contacts.silent_s(now),
+            state, jump_m, setpoint, self._contacts.movers(now),
+            self._contacts.few_s(self.plan.mission.agents - 1, now),
             None if self._word_at is None else now - self._word_at,
             self._contacts.clock_s(now),
         )  # fmt: skip
@@ -264,3 +281,11 @@ class AirDrone:
             mission=self.plan.mission_digest,
             version=self._version,
         )
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _times(a: Vector, factor: float) -> Vector:
+    return factor * a[0], factor * a[1], factor * a[2]

@@ -2,8 +2,8 @@
 
     kill   it has turned over
     land   far out of the fence; its position, its clock or the operator long lost; battery low; tilted
-    hold   out of the fence, or about to be; its position old, or moved at once; its clock off; nobody heard; the operator not
-           heard; about to hit something in spite of the safety filter; asked to fly where it is not
+    hold   out of the fence, or about to be; its position old, or moved at once; its clock off; fewer than half of the others
+           heard; the operator not heard; about to hit something in spite of the safety filter; asked to fly where it is not
 
 The strongest wins, and all reasons are told. Limits are the fleet file's (protocols.fleet.document.Guard).
 """
@@ -48,14 +48,13 @@ class Mover(NamedTuple):
 class Situation(NamedTuple):
     """All that the guard looks at.
 
-    before: the vehicle's state ``dt_s`` ago; None: unknown. setpoint: what it is about to be told; None: nothing.
-    movers: the drones that fly. peers_s, operator_s: since any other drone, and the operator, was heard; None: there is none
-    to hear. clock_s: this clock minus the median of the others; None: unknown.
+    jump_m: how far its position has moved at once. setpoint: what it is about to be told; None: nothing.
+    movers: the drones that fly. peers_s, operator_s: since half of the others, and the operator, were heard; None: there are
+    none to hear. clock_s: this clock minus the median of the others; None: unknown.
     """
 
     state: State
-    before: State | None
-    dt_s: float
+    jump_m: float
     setpoint: Setpoint | None
     movers: tuple[Mover, ...]
     peers_s: float | None
@@ -111,17 +110,12 @@ def _fence(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
 
 
 def _position(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
-    guard, state, before = bounds.guard, seen.state, seen.before
-    age = state.age_s
+    guard, age = bounds.guard, seen.state.age_s
     yield from _graded(
         age, guard.position_hold_s, guard.position_land_s, f"position {min(age, 999.0):.2f} s old"
     )
-    if before is None:
-        return
-    expected = [at + speed * seen.dt_s for at, speed in zip(before.p, before.v, strict=True)]
-    jump = math.dist(state.p, expected)
-    if jump > guard.jump_m:
-        yield Action.HOLD, f"position jumped {jump:.2f} m"
+    if seen.jump_m > guard.jump_m:
+        yield Action.HOLD, f"position jumped {seen.jump_m:.2f} m"
 
 
 def _clock(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
@@ -134,7 +128,7 @@ def _clock(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
 def _others(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
     guard = bounds.guard
     if seen.peers_s is not None and seen.peers_s > guard.peers_hold_s:
-        yield Action.HOLD, f"no drone heard for {seen.peers_s:.1f} s"
+        yield Action.HOLD, f"too few drones heard for {seen.peers_s:.1f} s"
     if seen.operator_s is not None:
         yield from _graded(
             seen.operator_s,

@@ -2,7 +2,8 @@
 
 It lives in the process that flies it. What goes wrong with it in a test or a demonstration is written behind the colon, each at
 so many seconds after it left the ground: ``point:frozen@6`` (its position is measured no more), ``jump@6`` (from then on its
-position is measured 2 m beside where it is), ``empty@6`` (battery at 5 %), ``tilted@6`` (it lies on its side).
+position is measured 2 m beside where it is), ``empty@6`` (battery at 5 %), ``tilted@6`` (it lies on its side), ``gust@6`` (the
+wind blows it along y at 1 m/s, whatever it does).
 """
 
 import math
@@ -18,7 +19,7 @@ _STIFFNESS, _DAMPING = 16.0, 8.0  # critically damped, settles in a second
 _CLIMB_MPS, _SINK_MPS = 0.5, 0.3
 _GRAVITY = 9.81
 _THERE_M, _THERE_MPS = 0.03, 0.1
-_JUMP_M = 2.0
+_JUMP_M, _GUST_MPS = 2.0, 1.0
 _DRAIN_PER_S = 1 / 900  # a quarter of an hour in the air
 _FAULT = re.compile(r"([a-z]+)@(\d+(?:\.\d+)?)")
 
@@ -30,6 +31,7 @@ class Trouble(StrEnum):
     JUMP = "jump"
     EMPTY = "empty"
     TILTED = "tilted"
+    GUST = "gust"
 
 
 class PointVehicle:
@@ -50,6 +52,7 @@ class PointVehicle:
         self._mode, self._armed, self._battery = Mode.GROUND, False, 1.0
         self._at = self._told_at = now()
         self._left_ground_at = math.inf
+        self._abandoned = False  # it holds because nobody leads it
 
     def open(self, timeout_s: float) -> None:
         self._at = self._measured_at = self._now()
@@ -89,7 +92,7 @@ class PointVehicle:
 
     def hold(self) -> None:
         self._move_on()
-        if self._mode in (Mode.CLIMB, Mode.FOLLOW):
+        if self._mode in (Mode.CLIMB, Mode.FOLLOW, Mode.HOLD):
             self._stop(Mode.HOLD)
 
     def land(self) -> None:
@@ -111,6 +114,7 @@ class PointVehicle:
 
     def _stop(self, mode: Mode) -> None:
         """From here on ``mode``, where it comes to rest."""
+        self._abandoned = False
         speed, braking = math.hypot(*self._v), 0.5 * self._rig.acceleration_mps2
         self._mode = mode
         self._goal = _sum(self._p, self._v, speed / (2 * braking))
@@ -126,22 +130,19 @@ class PointVehicle:
 
     def _watch(self) -> None:
         """The failsafe; and what follows when a manoeuvre is done."""
-        silent = self._at - self._told_at
-        if self._mode is Mode.FOLLOW and silent > self._rig.failsafe.hold_s:
+        silent, mode = self._at - self._told_at, self._mode
+        if mode is Mode.FOLLOW and silent > self._rig.failsafe.hold_s:
             self._stop(Mode.HOLD)
-        elif (
-            self._mode is Mode.HOLD
-            and self._told_at > self._left_ground_at
-            and silent > self._rig.failsafe.land_s
-        ):
+            self._abandoned = True
+        elif mode is Mode.HOLD and self._abandoned and silent > self._rig.failsafe.land_s:
             self._stop(Mode.LAND)
         elif (
-            self._mode is Mode.CLIMB
+            mode is Mode.CLIMB
             and math.dist(self._p, self._goal) < _THERE_M
             and math.hypot(*self._v) < _THERE_MPS
         ):
             self._mode = Mode.HOLD
-        elif self._mode is Mode.LAND and self._p[2] <= 0.0:
+        elif mode is Mode.LAND and self._p[2] <= 0.0:
             self._mode, self._armed = Mode.GROUND, False
             self._left_ground_at = math.inf
 
@@ -158,6 +159,8 @@ class PointVehicle:
         fastest = math.inf if self._mode is Mode.DEAD else 1.5 * self._rig.speed_mps
         v = _clipped(_sum(self._v, self._a, dt), fastest)
         x, y, z = _sum(_sum(self._p, self._v, dt / 2), v, dt / 2)
+        if self._troubled(Trouble.GUST):
+            y, v = self._p[1] + dt * _GUST_MPS, (v[0], _GUST_MPS, v[2])
         self._p, self._v = (x, y, max(0.0, z)), v
 
     def _wanted(self) -> Vector:

@@ -66,7 +66,7 @@ class Guard(Section):
     jump_m: Positive = Field(0.5, description="a position that moves so much at once is none")
     clock_hold_ms: Positive = Field(20.0, description="difference of the clock from the median of the others")
     clock_land_ms: Positive = 200.0
-    peers_hold_s: Seconds = Field(4.5, description="nobody heard")
+    peers_hold_s: Seconds = Field(4.5, description="fewer than half of the others heard")
     operator_hold_s: Seconds = Field(2.0, description="the operator not heard")
     operator_land_s: Seconds = 10.0
     battery_arm: Probability = Field(0.5, description="below it no drone is armed")
@@ -99,7 +99,7 @@ class AirRadio(Section):
 
     frame_rate_hz: Annotated[Number, Field(ge=5, le=100)] = 25.0
     loss: Annotated[Probability, Field(le=0.9)] = Field(
-        0.2, description="share of frames expected to be lost: so long is waited until a drone counts as dead"
+        0.2, description="share of frames expected to be lost"
     )
     port: Annotated[Count, Field(ge=1024, le=65000)] = Field(
         7450, description="the operator's on this machine; drone i has the i-th after it"

@@ -16,6 +16,7 @@ from protocols.mission.document import Mission, MissionError, parse_mission
 
 Disc = tuple[float, float, float]
 
+_LANDED_S = 10.0  # from a landing's begin
 _SETTLE_S = 2.5  # flown on after the formation can be beyond the goal line
 
 
@@ -118,8 +119,12 @@ def _digest(fields: object) -> str:
 
 def _on_air(fleet: Fleet, mission: Mission) -> Mission:
     fields = mission.model_dump(mode="json")
-    fields["sensing"]["neighbours"] = "heard"
+    # Obstacles are on a map, and there is nothing to remember; but a drone that fell silent is one only for a while.
+    fields["sensing"] |= {"neighbours": "heard", "obstacle_memory": False}
     fields["radio"] |= {"frame_rate_hz": fleet.radio.frame_rate_hz, "loss": fleet.radio.loss}
+    # Only who is down for sure loses its slot: cut off from half of the others, it has held and landed by then.
+    alone_s = fleet.guard.peers_hold_s + fleet.guard.hold_s + _LANDED_S
+    fields["swap"]["silent_s"] = math.ceil(max(alone_s, mission.silent_ticks * TICK_S))
     fields["faults"] = []  # what goes wrong on the air, nobody has to be told
     return parse_mission(fields, f"mission {mission.name}")
 

@@ -1,5 +1,6 @@
 """A hall in which a fleet flies in one process, in a time that passes when it is told to: drones, vehicles, air and operator."""
 
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from agent.air.drone import AirDrone
 from agent.air.peers import OPERATOR, Said, name_of
 from agent.air.pilot import Phase
 from agent.air.point import PointVehicle
-from agent.air.vehicle import Rig
+from agent.air.vehicle import Mode, Rig
 from protocols.fleet.document import parse_fleet
 from protocols.fleet.plan import Plan, make_plan
 from protocols.mission.document import parse_mission, read_mission_fields
@@ -47,7 +48,7 @@ class Hall:
         loses: Loses = lambda who, to, now: False,
         clocks: dict[int, float] | None = None,
     ) -> None:
-        self.plan, self.now, self._loses, self._clocks = plan, 1000.0, loses, clocks or {}
+        self.plan, self.now, self.loses, self.clocks = plan, 1000.0, loses, clocks or {}
         self.vehicles = [
             PointVehicle(
                 (bodies or {}).get(me, ""),
@@ -62,6 +63,7 @@ class Hall:
         self.word = Word(1, Order.NONE, 0, 0)
         self._on_air: list[tuple[str, str, bytes]] = []
         self.truth: list[list[tuple[float, float, float]]] = []
+        self._modes: list[tuple[float, list[Mode]]] = []
         for vehicle in self.vehicles:
             vehicle.open(1.0)
 
@@ -86,14 +88,13 @@ class Hall:
         for drone in self.drones:
             if drone.me not in self.alive:
                 continue
-            utc_us = self.utc_us + round(1e6 * self._clocks.get(drone.me, 0.0))
+            utc_us = self.utc_us + round(1e6 * self.clocks.get(drone.me, 0.0))
             for who, kind, data in on_air:
-                if who != name_of(drone.me) and not self._loses(who, drone.me, self.now):
+                if who != name_of(drone.me) and not self.loses(who, drone.me, self.now):
                     drone.hear(Said(who, kind, data, utc_us), self.now)
             said = drone.step(utc_us, self.now)
             self._on_air += [(name_of(drone.me), *each) for each in said]
-        for vehicle in self.vehicles:
-            vehicle.state()
+        self._modes.append((self.now, [vehicle.state().mode for vehicle in self.vehicles]))
         self.truth.append([vehicle._p for vehicle in self.vehicles])
 
     def wait(self, seconds: float, until: Iterable[Phase] = ()) -> None:
@@ -128,7 +129,28 @@ class Hall:
         """When a drone entered a phase, in this hall's time."""
         ((at, why),) = [(at, why) for at, entered, why in self.drones[me].events if entered is phase]
         assert why
-        return at - _EPOCH_US / 1e6
+        return self.hall_time(at)
+
+    def hall_time(self, utc_s: float) -> float:
+        """A moment of UTC in this hall's time."""
+        return utc_s - _EPOCH_US / 1e6
+
+    def when_mode(self, me: int, mode: Mode, since: float) -> float:
+        """When a drone's vehicle was first in a mode after ``since``."""
+        return next(now for now, modes in self._modes if now >= since and modes[me] is mode)
+
+    @property
+    def slot_error_m(self) -> float:
+        """The worst distance of a drone from its slot at the end of the mission, of those that flew so long, in the room."""
+        errors = [0.0]
+        for drone in self.drones:
+            if ("over",) in [why for _, _, why in drone.events]:
+                tick = self.plan.ticks
+                slot = self.plan.slots_at(tick)[drone.log.slots[tick, drone.me]]
+                errors.append(
+                    math.dist(self.plan.place.to_room(tuple(drone.log.positions[tick, drone.me])), slot)
+                )
+        return max(errors)
 
     @property
     def closest_m(self) -> float:

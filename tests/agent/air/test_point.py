@@ -78,6 +78,15 @@ def test_setpoints_that_stop_are_a_hold_and_then_a_landing() -> None:
     assert landed.p[2] == 0.0
 
 
+def test_one_that_was_told_to_hold_holds() -> None:
+    room = Room()
+    room.climb()
+    room.stream(2.0)
+    room.point.hold()
+    room.wait(20.0)
+    assert room.point.state().mode is Mode.HOLD
+
+
 def test_setpoints_do_not_stop_a_landing() -> None:
     room = Room()
     room.climb()
