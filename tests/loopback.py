@@ -53,6 +53,7 @@ class Loopback:
         self.told: dict[int, int] = {}  # messages that each was sent
         self.process = {agent: 100 + agent for agent in range(mission.agents)}
         self.pictures: list[Snapshot] = []
+        self.ready: list[int] = []  # drones, while they gather
         self.waits = 0
         self.refused: dict[int, int] = {}  # messages of each that a link would have turned away
         self.applied: list[tuple[str, tuple[int, ...]]] = []
@@ -124,6 +125,9 @@ class Loopback:
     def lost(self) -> list[Lost]:
         gone, self.gone = self.gone, []
         return gone
+
+    def gathered(self, ready: int) -> None:
+        self.ready.append(ready)
 
     def show(self, picture: Snapshot) -> None:
         self.pictures.append(picture)

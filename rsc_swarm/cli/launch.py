@@ -30,10 +30,11 @@ def _fly(flight: "Flight") -> "Told":
     from rsc_swarm.cli.fly import Told, told_unsaved
     from rsc_swarm.flight.launch import launch
 
-    place = flight.folder.path if flight.folder else None
-    flight.view.doing(f"starting {flight.mission.agents + 1} processes")
+    place, view, drones = flight.folder.path if flight.folder else None, flight.view, flight.mission.agents
+    view.doing(f"starting {drones + 1} processes")
     launched = launch(
-        flight.mission, flight.clock.value, place, flight.view.update, weigh=True, keep=flight.keep
-    )
+        flight.mission, flight.clock.value, place, view.update, weigh=True, keep=flight.keep,
+        on_gathered=lambda ready: view.waiting(ready, drones),
+    )  # fmt: skip
     unsaved = partial(told_unsaved, launched.unsaved)
     return Told(launched.flown, launched.first_tick_s, launched.pss_mb, unsaved, launched.error)

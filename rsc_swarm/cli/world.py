@@ -84,6 +84,7 @@ def _fly(
     trajectory = place.trajectory if place else None
     with door_watched(flight.view.say) if keys else nullcontext():
         flown, unsaved = serve_world(
-            mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s
-        )
+            mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s,
+            lambda ready: flight.view.waiting(ready, mission.agents),
+        )  # fmt: skip
     return Told(flown, save=partial(told_unsaved, unsaved))

@@ -39,6 +39,7 @@ def serve_world(
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     trajectory: Path | None = None,
     join_s: float = 120.0,
+    on_gathered: Callable[[int], None] = lambda ready: None,
 ) -> tuple[Flown, str | None]:
     """Be the world alone: wait for all drones, fly.
 
@@ -56,7 +57,7 @@ def serve_world(
         try:
             with WorldLink(credentials, listen, clock == "realtime") as link:
                 service.ready(f"waiting for {mission.agents} drones")
-                control = NoControl(lambda: service.alive(leave.asked), on_snapshot)
+                control = NoControl(lambda: service.alive(leave.asked), on_gathered, on_snapshot)
                 record = recorder.record if recorder else None
                 flown = WorldServer(mission, link, clock, control, record, join_s).run()
         except (ServerError, LinkError) as error:

@@ -155,7 +155,11 @@ class _Launch:
             self._pipe.send((what, agent, value))
 
     def watch(
-        self, on_snapshot: Callable[[Snapshot], None], weigh: bool, leave: Leave
+        self,
+        on_gathered: Callable[[int], None],
+        on_snapshot: Callable[[Snapshot], None],
+        weigh: bool,
+        leave: Leave,
     ) -> tuple[Flown, str | None, SwarmError | None]:
         """Serve the world until it has said what came of the flight and saved it.
 
@@ -173,7 +177,9 @@ class _Launch:
                 deadline = time.monotonic() + _SAVING_S
                 self._supervisor.ask(_WORLD)
             what, *said = self._hear()
-            if what == "show":
+            if what == "gathered":
+                on_gathered(said[0])
+            elif what == "show":
                 on_snapshot(said[0])
                 if weigh and self.pss_mb is None and said[0].tick > 100:
                     self.pss_mb = self._weigh()
@@ -275,6 +281,7 @@ def launch(
     weigh: bool = False,
     keep: Callable[[Flown], object] = lambda flown: None,
     insiders: Mapping[int, AgentProcess] = {},
+    on_gathered: Callable[[int], None] = lambda ready: None,
 ) -> Launched:
     """Fly ``mission`` in one process per drone.
 
@@ -282,6 +289,7 @@ def launch(
         run_dir: an existing folder for ``logs/`` and ``trajectory.npz``.
         weigh: measure the drones' memory once in mid-flight.
         insiders: what the processes of some drones do instead of flying honestly.
+        on_gathered: called with the number of drones that are ready, until all are.
         keep: called in the world's process, should this one be killed: its last chance to keep what was flown.
 
     Raises:
@@ -300,7 +308,7 @@ def launch(
     keeping = (run_dir / "trajectory.npz" if run_dir else None, keep)
     with leave_when_asked() as leave, RunFolder() as folder, Supervisor() as supervisor:
         run = _Launch(mission, clock, logs, keeping, supervisor, folder, insiders)
-        flown, unsaved, error = run.watch(on_snapshot, weigh, leave)
+        flown, unsaved, error = run.watch(on_gathered, on_snapshot, weigh, leave)
         supervisor.stop(_GRACE_S)
     born = psutil.Process(os.getpid()).create_time()
     return Launched(flown, flown.first_tick_at - born, run.pss_mb, unsaved if run_dir else None, error)

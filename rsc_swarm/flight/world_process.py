@@ -1,6 +1,7 @@
 """The world's process in a launch, and the pipe between it and the launcher.
 
-world -> launcher   ("show", snapshot)  ("so far", figures)  ("apply", kind, agents)  ("broken", one line)
+world -> launcher   ("gathered", drones that are ready)  ("show", snapshot)  ("so far", figures)
+                    ("apply", kind, agents)  ("broken", one line)
                     ("flown", figures), then ("saved", None or why the path could not be saved)
 launcher -> world   ("started", agent, pid)  ("ended", agent, how)
 
@@ -77,6 +78,9 @@ class PipeControl:
             return psutil.Process(self._pid[agent]).status() in _STOPPED
         except (KeyError, psutil.NoSuchProcess):
             return False
+
+    def gathered(self, ready: int) -> None:
+        self.tell("gathered", ready)
 
     def show(self, picture: Snapshot) -> None:
         self.tell("show", picture)

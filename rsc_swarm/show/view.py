@@ -52,6 +52,10 @@ class View:
             title = Text(self._title, "bold", no_wrap=True, overflow="ellipsis")
             self._live.update(Group(title, Text(f"{text}...")), refresh=True)
 
+    def waiting(self, ready: int, drones: int) -> None:
+        """So many drones are ready."""
+        self.doing(f"waiting for drones: {ready} of {drones}")
+
     def say(self, text: str) -> None:
         """One line above the picture."""
         self._console.print(Text(text))

@@ -79,6 +79,19 @@ def test_without_a_terminal_there_is_one_line_every_two_seconds(of_25):
     assert "\x1b" not in stream.getvalue()
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_before_the_first_tick_one_sees_how_many_drones_are_awaited(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    for stream, shown in ((Terminal(), True), (io.StringIO(), False)):
+        with View("a flight", stream) as view:
+            view.waiting(7, 25)
+        assert ("waiting for drones: 7 of 25" in stream.getvalue()) is shown
+
+
 def test_the_view_needs_no_thread(of_25):
     before = threading.active_count()
     with View("a flight", io.StringIO()) as view:

@@ -337,6 +337,7 @@ def test_who_answers_without_reading_is_sent_no_more_than_a_pipe_holds() -> None
     assert one.room(100_000)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_drone_that_answers_blindly_does_not_answer() -> None:
     blind = fly(
         mission(),
@@ -460,6 +461,12 @@ def test_drones_that_do_not_come_are_named() -> None:
     swarm._alive -= {1, 4}
     with pytest.raises(ServerError, match=r"^agents \[1, 4\] did not arrive within 2.5 s$"):
         WorldServer(mission(), swarm, "lockstep", swarm, join_s=2.5).run()
+
+
+def test_how_many_drones_have_come_is_told_until_all_have() -> None:
+    swarm = Loopback(mission(fly_s=0.1))
+    WorldServer(mission(fly_s=0.1), swarm, "lockstep", swarm).run()
+    assert swarm.ready == [0, 1, 2, 3, 4, 5]
 
 
 def test_a_process_that_ends_before_the_flight_is_named() -> None:

@@ -49,6 +49,9 @@ class Control(Protocol):
     def paused(self, agent: int) -> bool:
         """Whether this drone's process is known to be stopped (Ctrl-Z, SIGSTOP): it will go on, and is worth waiting for."""
 
+    def gathered(self, ready: int) -> None:
+        """So many drones are ready; the flight begins with the last of them."""
+
     def show(self, picture: Snapshot) -> None:
         """Show the flight."""
 
@@ -61,9 +64,10 @@ class NoControl:
 
     watches = False
 
-    def __init__(self, leaving: Callable[[], bool], show: Callable[[Snapshot], None]) -> None:
-        self.leaving = leaving
-        self.show = show
+    def __init__(
+        self, leaving: Callable[[], bool], gathered: Callable[[int], None], show: Callable[[Snapshot], None]
+    ) -> None:
+        self.leaving, self.gathered, self.show = leaving, gathered, show
 
     def apply(self, kind: str, agents: tuple[int, ...]) -> None:
         """A fault of a process cannot be made from here; the drone is only treated as if it had happened."""

@@ -119,8 +119,11 @@ class WorldServer:
 
     def _gather(self) -> None:
         """Welcome the drones until all are ready."""
-        deadline = self._time.now() + self._join_s
-        while not all(peer.ready for peer in self.peers):
+        deadline, told = self._time.now() + self._join_s, -1
+        while (ready := sum(peer.ready for peer in self.peers)) < len(self.peers):
+            if ready != told:
+                self._control.gathered(ready)
+                told = ready
             self._receive(messages.WAIT_EVERY_S)
             now = self._time.now()
             if self._control.leaving():
