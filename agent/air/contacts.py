@@ -6,21 +6,45 @@ from typing import NamedTuple
 
 from agent.air.guard import Mover
 from protocols.dynamics import TICKS_PER_S
-from protocols.wire.beacon import Beacon
+from protocols.wire.beacon import NOBODY, Beacon
 
 _AHEAD_TICKS = 10  # of this clock: a frame from later than that is worth nothing
-_CLOCK_WINDOW_S = 1.0
+_CLOCK_WINDOW_S, _PAUSE_S, _BEACON_S = 1.0, 0.5, 0.04
+_LATEST_S = 5.0  # older is no news, however late it comes
 _MOVED_ON_S = 1.0  # no longer: then it has stopped, or is somewhere else
 _GONE_S = 4.0  # who fell silent in flight is landing by its failsafe, and no longer in the way
 _MOST_WAITING = 1024
-OPERATOR = -1  # among the numbers of drones, for the clock
 
 
 class Contact(NamedTuple):
-    """What was last heard of a drone, and when [s]."""
+    """What was last heard of a drone, and when it said so [s], as far as the clocks agree."""
 
     beacon: Beacon
     heard_at: float
+
+
+class _Window:
+    """By how much one clock differs from another, at least, in the last second: what came late says nothing of clocks."""
+
+    def __init__(self, now: float) -> None:
+        self._since = self._last = now
+        self._least: deque[tuple[float, float]] = (
+            deque()
+        )  # when, how much: the least first, then the least after it, ...
+
+    def add(self, now: float, late_s: float) -> None:
+        if now - self._last > _PAUSE_S:
+            self._since = now  # what was held up all this time comes first
+        self._last = now
+        while self._least and self._least[-1][1] >= late_s:
+            self._least.pop()
+        self._least.append((now, late_s))
+
+    def least(self, now: float) -> float | None:
+        """None: it was not heard for a whole second."""
+        while self._least and now - self._least[0][0] > _CLOCK_WINDOW_S:
+            self._least.popleft()
+        return self._least[0][1] if self._least and now - self._since >= _CLOCK_WINDOW_S else None
 
 
 class Contacts:
@@ -29,9 +53,11 @@ class Contacts:
     def __init__(self, me: int | None) -> None:
         self._me = me
         self._known: dict[int, Contact] = {}
-        self._late: dict[
-            int, deque[tuple[float, float]]
-        ] = {}  # by sender: when heard, this time minus its time
+        self._clocks: dict[int, _Window] = {}
+        self._echoes: dict[
+            int, tuple[float, float]
+        ] = {}  # by whom: how late this one comes to it [s], heard when
+        self._ahead: deque[tuple[float, float]] = deque()  # when, this clock minus the others
         self._waiting: list[tuple[Beacon, bytes]] = []  # frames of ticks that are not past yet here
 
     def hear(self, beacon: Beacon, frame: bytes, utc_us: int, now: float) -> None:
@@ -39,17 +65,13 @@ class Contacts:
         known = self._known.get(beacon.sender)
         if beacon.sender == self._me or (known and known.beacon.utc_us >= beacon.utc_us):
             return  # doubled, or overtaken
-        self._known[beacon.sender] = Contact(beacon, now)
-        self.compare_clocks(beacon.sender, beacon.utc_us, utc_us, now)
+        late = min(max(0.0, (utc_us - beacon.utc_us) / 1e6), _LATEST_S)
+        self._known[beacon.sender] = Contact(beacon, now - late)
+        self._clocks.setdefault(beacon.sender, _Window(now)).add(now, (utc_us - beacon.utc_us) / 1e6)
+        if beacon.about == self._me:
+            self._echoes[beacon.sender] = beacon.late_ms / 1000, now
         if frame and len(self._waiting) < _MOST_WAITING:
             self._waiting.append((beacon, frame))
-
-    def compare_clocks(self, who: int, their_us: int, utc_us: int, now: float) -> None:
-        """``who`` said at its time ``their_us`` what came at ``utc_us``."""
-        window, late = self._late.setdefault(who, deque()), (utc_us - their_us) / 1e6
-        while window and window[-1][1] >= late:
-            window.pop()
-        window.append((now, late))
 
     def frames(self, tick: int) -> list[tuple[int, bytes]]:
         """The frames that may be heard in this tick of the mission, and who sent them. One that is ahead waits for its time."""
@@ -70,13 +92,31 @@ class Contacts:
         half = (others + 1) // 2
         return ages[half - 1] if 0 < half <= len(ages) else None
 
+    def lateness(self, turn: int, now: float) -> tuple[int, int]:
+        """For a beacon: of one of those that are heard, in ``turn``, how late it comes [ms]; `NOBODY` and 0 if none is."""
+        late = [
+            (who, least) for who, window in self._clocks.items() if (least := window.least(now)) is not None
+        ]
+        who, least_s = late[turn % len(late)] if late else (NOBODY, 0.0)
+        return who, round(1000 * least_s)
+
     def clock_s(self, now: float) -> float | None:
-        """This clock minus the median of the others, but for the quickest way of a beacon; None: nobody is heard."""
-        for window in self._late.values():
-            while window and now - window[0][0] > _CLOCK_WINDOW_S:
-                window.popleft()
-        best = [window[0][1] for window in self._late.values() if window]
-        return statistics.median(best) if best else None
+        """This clock minus the median of the others; None: unknown.
+
+        Of two clocks that one is ahead to which the other comes later than the other way round, by half the difference: what
+        holds up beacons holds them up both ways. That has to last, for ways change.
+        """
+        fresh_s = _CLOCK_WINDOW_S + 2 * _BEACON_S * len(self._clocks)
+        ahead = [
+            (least - said_s) / 2
+            for who, (said_s, at) in self._echoes.items()
+            if now - at < fresh_s and (least := self._clocks[who].least(now)) is not None
+        ]
+        if ahead:
+            self._ahead.append((now, statistics.median(ahead)))
+        while self._ahead and now - self._ahead[0][0] > _CLOCK_WINDOW_S:
+            self._ahead.popleft()
+        return min((off for _, off in self._ahead), key=abs, default=None)
 
     def movers(self, now: float) -> tuple[Mover, ...]:
         """Those in the air, or silent since they were, moved on to now."""

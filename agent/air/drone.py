@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from agent.air.body import RoomBody
-from agent.air.contacts import OPERATOR, Contact, Contacts, tick_of
+from agent.air.contacts import Contact, Contacts, tick_of
 from agent.air.guard import Action, Situation, Verdict, bounds_of, judge
 from agent.air.log import FlightLog
 from agent.air.peers import OPERATOR as THE_OPERATOR
@@ -79,7 +79,7 @@ class AirDrone:
         """What somebody said; ``now``: s, of a clock that never steps. What cannot be, or in another's name, is not heard."""
         try:
             if said.kind == "word" and said.who == THE_OPERATOR:
-                self._hear_word(unpack_word(said.data), said.at_us, now)
+                self._hear_word(unpack_word(said.data), now)
             elif said.kind == "beacon":
                 beacon, frame = unpack_beacon(said.data)
                 if name_of(beacon.sender) == said.who and beacon.sender < self.plan.mission.agents:
@@ -87,8 +87,7 @@ class AirDrone:
         except (BeaconError, OperatorError, ValueError):
             return
 
-    def _hear_word(self, word: Word, utc_us: int, now: float) -> None:
-        self._contacts.compare_clocks(OPERATOR, word.utc_us, utc_us, now)
+    def _hear_word(self, word: Word, now: float) -> None:
         newer = self._word is not None and 0 < (word.number - self._word.number) % (2 * _HALF) < _HALF
         if newer:
             self._order = word.order  # the first that is heard may be of long ago
@@ -248,9 +247,11 @@ class AirDrone:
         said, utc_tick, phase = [], tick_of(utc_us), self.pilot.phase
         flying = state.mode is not Mode.GROUND and not (phase is Phase.DEAD and state.p[2] < 0.1)
         in_mission = self._drone is not None and tick >= 0 and phase in IN_FLIGHT and phase is not Phase.FORM
+        about, late_ms = self._contacts.lateness(utc_tick // self._every, now)
         beacon = Beacon(
             self.me, list(Phase).index(phase), self._body.slot, tick if in_mission else NO_TICK, utc_us, state.p, state.v,
-            round(min(1000 * state.age_s, 60000.0)), round(100 * state.battery), flying,
+            round(min(1000 * state.age_s, 60000.0)),
+            about, late_ms, round(100 * state.battery), flying,
         )  # fmt: skip
         if self._body.frame is not None or (utc_tick % self._every == 0 and not in_mission):
             said.append(("beacon", pack_beacon(beacon, self._body.frame or b"")))

@@ -16,10 +16,14 @@ from typing import Any, NamedTuple
 import zenoh
 
 from protocols.closing import Closing
-from protocols.wire.keys import LinkError, checked_agent, checked_swarm
+from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
+from protocols.wire.login import Certificates
+from protocols.wire.transport import secret
 
-_DATAGRAMS = "?rel=1;mixed_rel=1"
-_LEASE_MS = 2000
+# What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
+_DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
+_KINDS = ("beacon", "account", "word")
+_LEASE_MS = 10_000  # a link that is cut for less goes on at once
 _OPEN_MS = 5000
 _LEAVE_S = 0.5  # over a bad network, farewells may not come through
 _MOST_WAITING = 4096
@@ -38,8 +42,20 @@ class Said(NamedTuple):
 class AirLink(Closing):
     """One who speaks on the air, and hears all others."""
 
-    def __init__(self, swarm: str, who: str, listen: str, connect: Sequence[str]) -> None:
+    def __init__(
+        self,
+        swarm: str,
+        who: str,
+        listen: str,
+        connect: Sequence[str],
+        certificates: Certificates | None = None,
+        drones: int = 0,
+    ) -> None:
         """``who`` listens at ``listen`` and looks for others at ``connect``, in the background.
+
+        Args:
+            certificates: its own. Then nobody is linked who has none of the same authority, and each of ``drones`` and the
+                operator is heard only in the name that its certificate has.
 
         Raises:
             LinkError: it cannot listen there.
@@ -53,7 +69,11 @@ class AirLink(Closing):
         )
         try:
             config = zenoh.Config()
-            for name, value in _settings(listen, connect).items():
+            settings = _settings(listen, connect)
+            if certificates:
+                settings |= secret(certificates, "listen", "connect")
+                settings["access_control"] = _access(swarm, drones)
+            for name, value in settings.items():
                 config.insert_json5(name, json.dumps(value))
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
@@ -61,11 +81,11 @@ class AirLink(Closing):
                 f"cannot listen at {listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
                 "or end what uses it"
             ) from None
-        for kind in ("beacon", "account", "word"):
+        for kind in _KINDS:
             self._session.declare_subscriber(
                 f"{self._swarm}/air/*/{kind}", zenoh.handlers.Callback(self._take, indirect=False)
             )
-        self._publishers = {kind: self._publisher(kind) for kind in ("beacon", "account", "word")}
+        self._publishers = {kind: self._publisher(kind) for kind in _KINDS}
 
     def _publisher(self, kind: str) -> Any:
         return self._session.declare_publisher(
@@ -126,4 +146,30 @@ def _settings(listen: str, connect: Sequence[str]) -> dict[str, Any]:
 
 
 def _endpoint(address: str) -> str:
-    return address + _DATAGRAMS if address.startswith("udp/") else address
+    return address + _DATAGRAMS.get(address.partition("/")[0], "")
+
+
+def _access(swarm: str, drones: int) -> dict[str, Any]:
+    """Everybody may hear everybody; in the name of each may speak who has its certificate."""
+    everything = f"{swarm}/air/**"
+    names = {name_of(drone): user(drone) for drone in range(drones)} | {OPERATOR: OPERATOR}
+    hearing: list[dict[str, Any]] = [
+        {
+            "id": "say",
+            "flows": ["egress"],
+            "messages": ["put", "declare_subscriber"],
+            "key_exprs": [everything],
+        },
+        {"id": "hear", "flows": ["ingress"], "messages": ["declare_subscriber"], "key_exprs": [everything]},
+    ]
+    speaking = [
+        {"id": who, "flows": ["ingress"], "messages": ["put"], "key_exprs": [f"{swarm}/air/{who}/*"]}
+        for who in names
+    ]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [{"permission": "allow", **rule} for rule in hearing + speaking],
+        "subjects": [{"id": who, "cert_common_names": [name]} for who, name in names.items()],
+        "policies": [{"rules": ["say", "hear", who], "subjects": [who]} for who in names],
+    }

@@ -42,6 +42,7 @@ class Event(StrEnum):
     KILL = "kill"
 
 
+_GUARDED = frozenset({Event.HOLD, Event.LAND, Event.KILL})
 IN_FLIGHT = frozenset({Phase.CLIMB, Phase.FORM, Phase.FLY, Phase.HOLD, Phase.LAND})
 
 TABLE: dict[tuple[Phase, Event], Phase] = {
@@ -105,7 +106,7 @@ def step(pilot: Pilot, facts: Facts, patience: Patience) -> Pilot:
         if after is None or after is pilot.phase:
             continue
         wait = patience.abort_s if facts.order is Order.ABORT else patience.hold_s
-        told = reasons or _told(pilot, event, facts)
+        told = (event in _GUARDED and reasons) or _told(pilot, event, facts)
         return Pilot(after, facts.now, facts.now + wait, told)
     if pilot.phase is Phase.HOLD and facts.order is Order.ABORT:
         return pilot._replace(land_at=min(pilot.land_at, facts.now + patience.abort_s))

@@ -4,16 +4,18 @@ YAML with the fields below. What a field alone can have wrong is refused here; w
 mission, in protocols.fleet.plan. All metres are of the room.
 """
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, Strict, ValidationError, model_validator
+from pydantic import AfterValidator, Field, Strict, ValidationError, model_validator
 
 from protocols.errors import SwarmError
 from protocols.mission.findings import explain_as
 from protocols.mission.reading import ReadingError, read_yaml_file
 from protocols.mission.values import (
     Count,
+    Flag,
     Line,
     Number,
     Place,
@@ -26,6 +28,27 @@ from protocols.wire.keys import MAX_AGENTS
 
 LEAST_SCALE, MOST_SCALE = 0.25, 1.0
 
+_ADDRESS = re.compile(r"(udp|quic|tls|tcp)/(.+):(\d{1,5})")
+SECRET = ("quic", "tls")
+
+
+def _checked_address(address: str) -> str:
+    match = _ADDRESS.fullmatch(address)
+    if not match or not 0 < int(match[3]) < 65536:
+        raise ValueError(
+            f"{address!r} is no address; write quic/HOST:PORT, or udp/HOST:PORT without keys, for example udp/10.0.0.13:7450"
+        )
+    return address
+
+
+def host_of(address: str) -> str:
+    """The host in an address."""
+    match = _ADDRESS.fullmatch(address)
+    assert match  # checked when it was read
+    return match[2].strip("[]")
+
+
+Address = Annotated[Line, AfterValidator(_checked_address)]
 Seconds = Annotated[Number, Field(ge=0.01, le=3600)]
 Degrees = Annotated[Number, Field(ge=-360, le=360)]
 Angle = Annotated[Number, Field(gt=0, le=180)]
@@ -66,8 +89,8 @@ class Guard(Section):
     jump_m: Positive = Field(0.5, description="a position that moves so much at once is none")
     clock_hold_ms: Positive = Field(20.0, description="difference of the clock from the median of the others")
     clock_land_ms: Positive = 200.0
-    peers_hold_s: Seconds = Field(4.5, description="fewer than half of the others heard")
-    operator_hold_s: Seconds = Field(2.0, description="the operator not heard")
+    peers_hold_s: Seconds = Field(5.0, description="fewer than half of the others heard")
+    operator_hold_s: Seconds = Field(5.0, description="the operator not heard")
     operator_land_s: Seconds = 10.0
     battery_arm: Probability = Field(0.5, description="below it no drone is armed")
     battery_land: Probability = 0.2
@@ -104,6 +127,9 @@ class AirRadio(Section):
     port: Annotated[Count, Field(ge=1024, le=65000)] = Field(
         7450, description="the operator's on this machine; drone i has the i-th after it"
     )
+    plain_text: Flag = Field(
+        False, description="let udp and tcp leave this machine, where all can read and forge them"
+    )
 
 
 class DroneSpec(Section):
@@ -115,8 +141,9 @@ class DroneSpec(Section):
         None, description="the radio it is flown by, if it shares one"
     )
     start_m: Point | None = Field(None, description="where it stands; none: at its slot")
-    address: Line | None = Field(
-        None, description="where its process is reached, udp/HOST:PORT; none: on this machine"
+    address: Address | None = Field(
+        None,
+        description="where its process is reached, quic/HOST:PORT or udp/HOST:PORT; none: on this machine",
     )
     options: dict[Line, Annotated[str, Strict()]] = Field({}, description="for its kind of body")
 
@@ -140,18 +167,21 @@ class Fleet(Section):
     )
     guard: Guard = Guard()
     radio: AirRadio = AirRadio()
-    ground: Line | None = Field(None, description="where the operator is reached, as address of a drone")
-    keys: Line | None = Field(None, description="folder of keys, beside this file")
+    ground: Address | None = Field(None, description="where the operator is reached, as address of a drone")
+    keys: Line | None = Field(None, description="folder of keys, beside this file; none: all is plain text")
     drones: tuple[DroneSpec, ...]
 
     def address(self, drone: int) -> str:
         """Where the process of a drone is reached."""
-        return self.drones[drone].address or f"udp/127.0.0.1:{self.radio.port + 1 + drone}"
+        return self.drones[drone].address or self._here(1 + drone)
+
+    def _here(self, number: int) -> str:
+        return f"{'quic' if self.keys else 'udp'}/127.0.0.1:{self.radio.port + number}"
 
     @property
     def ground_address(self) -> str:
         """Where the operator is reached."""
-        return self.ground or f"udp/127.0.0.1:{self.radio.port}"
+        return self.ground or self._here(0)
 
 
 def parse_fleet(fields: dict[str, Any], source: str = "fleet") -> Fleet:

@@ -1,6 +1,7 @@
 """A fleet and its mission laid together: the plan of a flight in a room, and whether it can be flown. Pure."""
 
 import hashlib
+import ipaddress
 import json
 import math
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from functools import cached_property
 from itertools import combinations
 
 from protocols.dynamics import TICK_S, ticks_of
-from protocols.fleet.document import Fleet, FleetError
+from protocols.fleet.document import SECRET, Fleet, FleetError, host_of
 from protocols.fleet.place import Flat, Place
 from protocols.mission import needs
 from protocols.mission.document import Mission, MissionError, parse_mission
@@ -154,11 +155,37 @@ def _check_addresses(plan: Plan) -> None:
             raise FleetError(
                 f"drones: {one} and {other} are both reached at {first}; give each its own address"
             )
+    for name, address in [
+        ("ground", fleet.ground_address),
+        *((f"drones.{i}.address", at) for i, (_, at) in enumerate(ends)),
+    ]:
+        protocol = address.partition("/")[0]
+        if (protocol in SECRET) != (fleet.keys is not None):
+            raise FleetError(
+                f"{name}: {address} "
+                + (
+                    "needs keys; make them with 'rsc-swarm keys --fleet', and name their folder in keys"
+                    if protocol in SECRET
+                    else "is plain text, and the fleet has keys; write quic/ instead"
+                )
+            )
+        if protocol not in SECRET and not fleet.radio.plain_text and not _stays_here(host_of(address)):
+            raise FleetError(
+                f"{name}: {address} is plain text, which everybody on the way can read and forge: use keys and quic/, "
+                "or radio: {plain_text: true} on a network of your own"
+            )
     for a, b in combinations(fleet.drones, 2):
         if a.body == b.body and not a.body.startswith("point:"):
             raise FleetError(
                 f"drones: {a.number} and {b.number} have both the body {a.body}; give each its own"
             )
+
+
+def _stays_here(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False  # a name: wherever it leads
 
 
 def _check_distances(plan: Plan) -> None:

@@ -13,9 +13,10 @@ from protocols.wire.frames import MAX_FRAME_BYTES
 
 VERSION = 1
 NO_TICK = -1
-_RECORD = struct.Struct("<BBBBiqffffffHBB")
+_RECORD = struct.Struct("<BBBBiqffffffHBhBB")
 _FARTHEST_M, _FASTEST_MPS = 1e4, 1e3
-_OLDEST_MS = 0xFFFF
+_OLDEST_MS, _LATEST_MS = 0xFFFF, 0x7FFF
+NOBODY = 0xFF
 _LATEST = 1 << 62
 
 
@@ -26,7 +27,8 @@ class BeaconError(ValueError):
 class Beacon(NamedTuple):
     """sender: its number. phase: index of what it is doing. slot: that it holds. tick: of its mission, `NO_TICK` before.
     utc_us: its time when it said this. p [m], v [m/s]: of the room. age_ms: of that position, at most 65535.
-    battery: per cent. flying: whether it is off the ground.
+    about, late_ms: how late the beacons of drone ``about`` come to it, by its clock; in turn for all that it hears, `NOBODY`
+    if none. battery: per cent. flying: whether it is off the ground.
     """
 
     sender: int
@@ -37,19 +39,20 @@ class Beacon(NamedTuple):
     p: tuple[float, float, float]
     v: tuple[float, float, float]
     age_ms: int
+    about: int
+    late_ms: int
     battery: int
     flying: bool
 
 
 def pack_beacon(beacon: Beacon, frame: bytes = b"") -> bytes:
     """As it travels."""
-    return (
-        _RECORD.pack(
-            VERSION, beacon.sender, beacon.phase, beacon.slot, beacon.tick, beacon.utc_us, *beacon.p, *beacon.v,
-            min(beacon.age_ms, _OLDEST_MS), beacon.battery, beacon.flying,
-        )
-        + frame
+    late_ms = max(-_LATEST_MS, min(beacon.late_ms, _LATEST_MS))
+    record = _RECORD.pack(
+        VERSION, beacon.sender, beacon.phase, beacon.slot, beacon.tick, beacon.utc_us, *beacon.p, *beacon.v,
+        min(beacon.age_ms, _OLDEST_MS), beacon.about, late_ms, beacon.battery, beacon.flying,
     )  # fmt: skip
+    return record + frame
 
 
 def unpack_beacon(data: bytes) -> tuple[Beacon, bytes]:
@@ -60,7 +63,9 @@ def unpack_beacon(data: bytes) -> tuple[Beacon, bytes]:
     """
     if not _RECORD.size <= len(data) <= _RECORD.size + MAX_FRAME_BYTES:
         raise BeaconError(f"{len(data)} bytes are no beacon")
-    version, sender, phase, slot, tick, utc_us, *motion, age_ms, battery, flying = _RECORD.unpack_from(data)
+    version, sender, phase, slot, tick, utc_us, *motion, age_ms, about, late_ms, battery, flying = (
+        _RECORD.unpack_from(data)
+    )
     if version != VERSION:
         raise BeaconError(f"a beacon of version {version}, not {VERSION}")
     p, v = tuple(motion[:3]), tuple(motion[3:])
@@ -68,5 +73,5 @@ def unpack_beacon(data: bytes) -> tuple[Beacon, bytes]:
         raise BeaconError("a beacon from nowhere")
     if tick < NO_TICK or not 0 <= utc_us < _LATEST or battery > 100 or flying > 1:
         raise BeaconError("a beacon that says what cannot be")
-    beacon = Beacon(sender, phase, slot, tick, utc_us, p, v, age_ms, battery, bool(flying))
+    beacon = Beacon(sender, phase, slot, tick, utc_us, p, v, age_ms, about, late_ms, battery, bool(flying))
     return beacon, data[_RECORD.size :]

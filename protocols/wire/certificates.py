@@ -3,13 +3,14 @@
 - One authority signs them all and is then thrown away: nobody can add a drone later, not even who steals the makers' files.
 - The name in a drone's certificate is the drone, ``agent-3``; it opens links and accepts none. The world's certificate has the
   addresses under which drones find it; it accepts links and opens none. So no drone can pose as the world.
+- On the air all are peers: each opens links and accepts them, under the host that its certificate has.
 - Keys are ECDSA on P-256. Certificates are valid from a day before they are made, for clocks that are late.
 """
 
 import ipaddress
 import re
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import NamedTuple
 
@@ -26,9 +27,9 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from protocols.wire.keys import checked_swarm, user
-from protocols.wire.login import Certificates, Login
+from protocols.wire.login import Certificates, Login, OperatorLogin
 
-WORLD = "world"
+WORLD, OPERATOR = "world", "ground"
 _LATE_CLOCKS = timedelta(days=1)
 _HOST_NAME = re.compile(r"[A-Za-z0-9-]{1,63}(\.[A-Za-z0-9-]{1,63})*")
 _UNREADABLE = (ValueError, TypeError, UnsupportedAlgorithm, x509.InvalidVersion)
@@ -51,32 +52,56 @@ def make_certificates(swarm: str, agents: int, world: Sequence[str], days: int, 
     Raises:
         ValueError: no swarm's name, or not an address.
     """
+    signed = _authority(swarm, days, now)
+    return Made(
+        signed(WORLD, world, (ExtendedKeyUsageOID.SERVER_AUTH,)),
+        tuple(signed(user(agent), (), (ExtendedKeyUsageOID.CLIENT_AUTH,)) for agent in range(agents)),
+    )
+
+
+def make_peer_certificates(
+    swarm: str, hosts: Mapping[str, str], days: int, now: datetime
+) -> dict[str, Certificates]:
+    """New certificates for peers that open links to each other and accept them: by their names, each with its own host.
+
+    Raises:
+        ValueError: no swarm's name, or not an address.
+    """
+    signed = _authority(swarm, days, now)
+    both = (ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH)
+    return {name: signed(name, (host,), both) for name, host in hosts.items()}
+
+
+_Signed = Callable[[str, Sequence[str], Sequence[x509.ObjectIdentifier]], Certificates]
+
+
+def _authority(swarm: str, days: int, now: datetime) -> _Signed:
+    """A new authority, which makes certificates of a name, addresses and usages and is forgotten with what this returns."""
     until = now + timedelta(days=days)
     key = ec.generate_private_key(ec.SECP256R1())
     # A name of its own for every authority: so who was signed by another one is told so, and not of a bad signature.
     name = _name(f"rsc-swarm {checked_swarm(swarm)} {secrets.token_hex(8)}")
-    begun = _begun(name, key.public_key(), now, until)
     authority = (
-        begun.issuer_name(name)
+        _begun(name, key.public_key(), now, until)
+        .issuer_name(name)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .sign(key, hashes.SHA256())
     )
 
-    def signed(who: str, addresses: Sequence[str]) -> Certificates:
+    def signed(who: str, addresses: Sequence[str], usages: Sequence[x509.ObjectIdentifier]) -> Certificates:
         own = ec.generate_private_key(ec.SECP256R1())
-        usage = ExtendedKeyUsageOID.SERVER_AUTH if addresses else ExtendedKeyUsageOID.CLIENT_AUTH
         certificate = (
             _begun(_name(who), own.public_key(), now, until)
             .issuer_name(name)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-            .add_extension(x509.ExtendedKeyUsage([usage]), critical=True)
+            .add_extension(x509.ExtendedKeyUsage(usages), critical=True)
         )
         if addresses:
             named = x509.SubjectAlternativeName([_address(each) for each in addresses])
             certificate = certificate.add_extension(named, critical=False)
         return Certificates(_pem(authority), _pem(certificate.sign(key, hashes.SHA256())), _key_pem(own))
 
-    return Made(signed(WORLD, world), tuple(signed(user(agent), ()) for agent in range(agents)))
+    return signed
 
 
 def read_login(text: str) -> Login:
@@ -84,6 +109,13 @@ def read_login(text: str) -> Login:
     login = Login.from_json(text)
     if login.certificates:
         checked_certificates(login.certificates, user(login.agent))
+    return login
+
+
+def read_operator_login(text: str) -> OperatorLogin:
+    """Raises ValueError, in one line, if ``text`` is no operator's login, or its certificates are not an operator's."""
+    login = OperatorLogin.from_json(text)
+    checked_certificates(login.certificates, OPERATOR)
     return login
 
 
@@ -120,8 +152,12 @@ def refuse_out_of_date(certificates: Certificates, now: datetime) -> None:
             )
 
 
-def refuse_other_address(certificates: Certificates, host: str) -> None:
-    """Raises ValueError, in one line, if a world with these certificates is not to be found at ``host``."""
+def refuse_other_address(certificates: Certificates, host: str, again: str | None = None) -> None:
+    """Raises ValueError, in one line, if whoever has these certificates is not to be found at ``host``.
+
+    Args:
+        again: how new ones are made; without, those of a world.
+    """
     try:
         names = _read(certificates)[1].extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         known = [
@@ -130,10 +166,12 @@ def refuse_other_address(certificates: Certificates, host: str) -> None:
         ]
     except (x509.ExtensionNotFound, *_UNREADABLE):
         known = []
+    if again is None:
+        again = f"make new keys with 'rsc-swarm keys --world {host}'"
     if _canonical(host) not in map(_canonical, known):
         raise ValueError(
             f"its certificate is for {', '.join(known) or 'no address'}, not for {host}: no drone would trust it there; "
-            f"listen where it is for, or make new keys with 'rsc-swarm keys --world {host}'"
+            f"listen where it is for, or {again}"
         )
 
 

@@ -60,7 +60,26 @@ class Login:
         return login
 
 
+@dataclass(frozen=True)
+class OperatorLogin:
+    """All an operator of a fleet must have. Its secrets do not show when it is printed."""
+
+    swarm: str
+    certificates: Certificates
+
+    def to_json(self) -> str:
+        return to_json(_OPERATOR, self)
+
+    @staticmethod
+    def from_json(text: str) -> "OperatorLogin":
+        """Raises ValueError when ``text`` is not what ``to_json`` wrote. Whose certificates are in it is not looked at here."""
+        login = from_json(_OPERATOR, text, "an operator's login")
+        checked_swarm(login.swarm)
+        return login
+
+
 _LOGIN = TypeAdapter(Login)
+_OPERATOR = TypeAdapter(OperatorLogin)
 _Kind = TypeVar("_Kind")
 
 

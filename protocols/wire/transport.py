@@ -19,18 +19,20 @@ COMMON: dict[str, Any] = {
 }
 
 
-def secret(certificates: Certificates, end: Literal["connect", "listen"]) -> dict[str, Any]:
-    """``tls`` and ``quic`` with certificates on both sides; the keys are handed over in memory.
+def secret(certificates: Certificates, *ends: Literal["connect", "listen"]) -> dict[str, Any]:
+    """``tls`` and ``quic`` with certificates on both sides; the keys are handed over in memory. ``ends``: which this one is.
 
     A link that is open stays open when a certificate expires: nobody is lost in mid-flight for that.
     """
-    return {
+    settings: dict[str, Any] = {
         "transport/link/tls/enable_mtls": True,
         "transport/link/tls/verify_name_on_connect": True,
         "transport/link/tls/root_ca_certificate_base64": _base64(certificates.authority),
-        f"transport/link/tls/{end}_certificate_base64": _base64(certificates.certificate),
-        f"transport/link/tls/{end}_private_key_base64": _base64(certificates.private_key),
     }
+    for end in ends:
+        settings[f"transport/link/tls/{end}_certificate_base64"] = _base64(certificates.certificate)
+        settings[f"transport/link/tls/{end}_private_key_base64"] = _base64(certificates.private_key)
+    return settings
 
 
 def _base64(text: str) -> str:

@@ -13,10 +13,12 @@ from agent.air.peers import AirLink, name_of
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
 from agent.air.vehicle import Rig, make_vehicle
-from agent.process import rehearse
-from protocols.fleet.document import FleetError
+from agent.process import rehearse, seals_of
+from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
 from rsc_swarm.air.folder import event_of, keep, next_folder
+from rsc_swarm.air.judged import rehearse_judging
+from rsc_swarm.flight.key_files import read_fleet_login
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.service import Service
@@ -24,12 +26,18 @@ from rsc_swarm.machine.service import Service
 _OPEN_S = 20.0
 
 
-def fly_drone(plan: Plan, me: int, body: str | None, run_dir: Path | None, trouble: Trouble) -> None:
+def fly_drone(
+    plan: Plan, me: int, keys: Path | None, body: str | None, run_dir: Path | None, trouble: Trouble
+) -> None:
     """Be drone ``me`` of ``plan``, in the vehicle at ``body`` (None: as the fleet file has it), until asked to leave.
+
+    Args:
+        keys: the folder of keys, if the fleet has some.
 
     Raises:
         FleetError: there is no such drone. agent.air.vehicle.VehicleError: its vehicle is not there, or no longer.
-        protocols.wire.keys.LinkError: its address cannot be listened at. agent.policy.PolicyError: of its policy.
+        protocols.wire.keys.LinkError: its address cannot be listened at.
+        rsc_swarm.flight.key_files.KeyFileError: of its keys. agent.policy.PolicyError: of its policy.
     """
     if me >= plan.mission.agents:
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
@@ -44,12 +52,16 @@ def fly_drone(plan: Plan, me: int, body: str | None, run_dir: Path | None, troub
         swarm=plan.mission.swarm,
     )
     vehicle = make_vehicle(body or spec.body, rig)
-    make_room(1)
-    rehearse(plan.mission)
+    load(plan)
     vehicle.open(_OPEN_S)
     service = Service()
+    address = fleet.address(me)
+    login = read_fleet_login(keys, plan.mission.swarm, me, host_of(address)) if keys else None
     others = [fleet.ground_address, *(fleet.address(other) for other in range(me))]
-    drone = AirDrone(plan, me, vehicle, version("rsc-swarm"))
+    seals = login.seals if login else None
+    drone = AirDrone(
+        plan, me, vehicle, version("rsc-swarm"), lambda flight: seals_of(seals, plan.mission.agents, flight)
+    )
 
     def tell(phase: Phase, reasons: tuple[str, ...]) -> None:
         _say(me, f"{phase} ({'; '.join(reasons)})")
@@ -59,15 +71,25 @@ def fly_drone(plan: Plan, me: int, body: str | None, run_dir: Path | None, troub
 
     with leave_when_asked() as leave:
         try:
-            with AirLink(plan.mission.swarm, name_of(me), fleet.address(me), others) as link:
+            certificates = login.certificates if login else None
+            with AirLink(
+                plan.mission.swarm, name_of(me), address, others, certificates, plan.mission.agents
+            ) as link:
                 _say(
                     me,
-                    f"ready after {time.time() - psutil.Process().create_time():.2f} s at {fleet.address(me)}",
+                    f"ready after {time.time() - psutil.Process().create_time():.2f} s at {address}",
                 )
-                service.ready(f"drone {me} at {fleet.address(me)}")
+                service.ready(f"drone {me} at {address}")
                 fly(drone, link, lambda: service.alive(leave.asked), tell, trouble)
         finally:
             vehicle.close()
+
+
+def load(plan: Plan) -> None:
+    """Load all that a drone of ``plan`` needs in the air and after it."""
+    make_room(plan.mission.agents)
+    rehearse_judging(plan)
+    rehearse(plan.mission)
 
 
 def _say(me: int, text: str) -> None:

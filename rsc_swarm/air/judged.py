@@ -64,3 +64,10 @@ def judged(plan: Plan, path: Trajectory) -> Judged:
         scale * float(min(verdict["closest_agents_m"].min(), verdict["closest_obstacle_m"].min())),
         scale * float(verdict["slot_error_m"][plan.ticks]) if whole else None,
     )
+
+
+def rehearse_judging(plan: Plan) -> None:
+    """Load what judging needs, so that whoever lands first holds up nobody who still flies."""
+    log = FlightLog(plan)
+    log.record(0, {}, 0.0)
+    judged(plan, path_of(plan, log))

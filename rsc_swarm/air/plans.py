@@ -27,3 +27,8 @@ def read_plan(path: Path) -> Plan:
     except MissionError as error:
         raise FleetError(f"{path}: {error}") from None
     return make_plan(fleet, mission, str(path))
+
+
+def keys_of(path: Path, plan: Plan) -> Path | None:
+    """The folder of keys of the fleet file at ``path``; None: it has none."""
+    return path.parent / plan.fleet.keys if plan.fleet.keys else None

@@ -6,32 +6,29 @@ import time
 from pathlib import Path
 
 from agent.air.trouble import Trouble
-from agent.process import rehearse
 from protocols.errors import ExitCode
 from protocols.fleet.plan import Plan
-from rsc_swarm.air.alone import fly_drone
+from rsc_swarm.air.alone import fly_drone, load
 from rsc_swarm.flight.processes import Supervisor
 from rsc_swarm.machine.leaving import leave_when_asked
-from rsc_swarm.machine.limits import make_room
 
 _LOOK_S = 0.1
 _LAND_S = 60.0
 
 
-def fly_all(plan: Plan, run_dir: Path | None, troubles: dict[int, Trouble]) -> ExitCode:
+def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[int, Trouble]) -> ExitCode:
     """Fly every drone of ``plan`` in a process of its own until all have left, or until asked to leave; then all land.
 
     A drone that is gone is told of, and not started again: its vehicle is landing by its own failsafe. If this process is
     killed, the drones land too.
     """
-    make_room(plan.mission.agents)
-    rehearse(plan.mission)
+    load(plan)
     worst = ExitCode.SUCCEEDED
     with leave_when_asked() as leave, Supervisor() as drones:
         for me in range(plan.mission.agents):
             folder = run_dir / f"drone-{me}" if run_dir else None
             drones.start(
-                f"drone {me}", fly_drone, plan, me, None, folder, troubles.get(me, Trouble()),
+                f"drone {me}", fly_drone, plan, me, keys, None, folder, troubles.get(me, Trouble()),
                 at_launcher_death=signal.SIGTERM,
             )  # fmt: skip
         while drones.running and not leave.asked:

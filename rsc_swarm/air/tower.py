@@ -6,11 +6,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 from agent.air.peers import OPERATOR, AirLink
+from protocols.fleet.document import host_of
 from protocols.fleet.plan import Plan
 from protocols.wire.operator import Order
 from rsc_swarm.air.folder import event_of, keep, next_folder
 from rsc_swarm.air.judged import Judged
 from rsc_swarm.air.station import Script, Station
+from rsc_swarm.flight.key_files import read_operator_login
 from rsc_swarm.machine.leaving import leave_when_asked
 
 _LOOK_S = 0.02
@@ -21,22 +23,25 @@ Attend = Callable[[Station, int, float], bool]  #: UTC [us], s -> whether to go 
 
 
 def watch(
-    plan: Plan, attend: Attend, script: Script | None, run_dir: Path | None
+    plan: Plan, keys: Path | None, attend: Attend, script: Script | None, run_dir: Path | None
 ) -> tuple[Station, Judged | None, bool]:
     """Be the operator: until ``attend``, which is called 50 times a second, wants no more, the script is over, or one is asked to
     leave; then an abort brings all down first.
+
+    Args:
+        keys: the folder of keys, if the fleet has some.
 
     Returns:
         The station, how the flight went if there was one, and whether it was asked to leave.
 
     Raises:
         protocols.wire.keys.LinkError: the operator's address cannot be listened at.
+        rsc_swarm.flight.key_files.KeyFileError: of the operator's keys.
     """
     station = Station(plan, version("rsc-swarm"), time.time_ns() // 1000)
-    with (
-        leave_when_asked() as leave,
-        AirLink(plan.mission.swarm, OPERATOR, plan.fleet.ground_address, ()) as link,
-    ):
+    swarm, address = plan.mission.swarm, plan.fleet.ground_address
+    own = read_operator_login(keys, swarm, host_of(address)).certificates if keys else None
+    with leave_when_asked() as leave, AirLink(swarm, OPERATOR, address, (), own, plan.mission.agents) as link:
         said_at = leaving_at = 0.0
         while True:
             now, utc_us = time.monotonic(), time.time_ns() // 1000

@@ -23,7 +23,7 @@ def air(
 ) -> None:
     """Start a process for each drone of a fleet, and watch over them until asked to leave. Orders: [bold]rsc-swarm ground[/]."""
     from agent.air.trouble import Trouble, TroubleError
-    from rsc_swarm.air.plans import read_plan
+    from rsc_swarm.air.plans import keys_of, read_plan
 
     plan = read_plan(fleet)
     troubles = {}
@@ -35,4 +35,4 @@ def air(
     announce_compiling()
     from rsc_swarm.air.processes import fly_all
 
-    raise typer.Exit(fly_all(plan, run_dir, troubles))
+    raise typer.Exit(fly_all(plan, keys_of(fleet, plan), run_dir, troubles))

@@ -39,10 +39,10 @@ def fly(
 ) -> None:
     """Fly one drone on the air, without a world: its vehicle, the others it hears, and the operator's orders."""
     from agent.air.trouble import Trouble
-    from rsc_swarm.air.plans import read_plan
+    from rsc_swarm.air.plans import keys_of, read_plan
 
     plan, asked = read_plan(fleet), Trouble.parse(trouble)
     announce_compiling()
     from rsc_swarm.air.alone import fly_drone
 
-    fly_drone(plan, agent, body, run_dir, asked)
+    fly_drone(plan, agent, keys_of(fleet, plan), body, run_dir, asked)

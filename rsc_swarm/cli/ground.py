@@ -43,7 +43,7 @@ def ground(
     ] = Path("plan.png"),
 ) -> None:
     """Watch a fleet on the air and give orders; nothing flies before preflight is green."""
-    from rsc_swarm.air.plans import read_plan
+    from rsc_swarm.air.plans import keys_of, read_plan
 
     plan = read_plan(fleet)
     if check:
@@ -65,7 +65,7 @@ def ground(
         f"{fleet}: {plan.mission.agents} drones, mission {plan.mission.name}", keys=steps is None
     ) as view:
         script = Script(steps, view.say) if steps else None
-        _, outcome, asked = watch(plan, view.attend, script, run_dir)
+        _, outcome, asked = watch(plan, keys_of(fleet, plan), view.attend, script, run_dir)
     if outcome:
         typer.echo(_told(plan, outcome))
     if asked:

@@ -6,7 +6,7 @@ Only their owner may read them.
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,11 +17,11 @@ from protocols.whole_file import WriteError, write_whole
 from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
 from protocols.wire.keys import user
-from protocols.wire.login import Login
-from world.server.credentials import Credentials, make_keys
+from protocols.wire.login import Certificates, Login, OperatorLogin
+from world.server.credentials import Credentials, make_fleet_keys, make_keys
 
 HERE = ("localhost", "127.0.0.1", "::1")  # where every world's certificate is good, to try it on one machine
-_WORLD = "world.json"
+_WORLD, _GROUND = "world.json", "ground.json"
 _FOR_OTHERS = 0o077
 _Kind = TypeVar("_Kind")
 
@@ -47,24 +47,45 @@ def make_key_files(
         keys = make_keys(swarm, agents, addresses, days, datetime.now(UTC))
     except ValueError as error:
         raise KeyFolderError(str(error)) from None
-    old = [*folder.glob("agent-*.json"), *folder.glob(_WORLD)]
+    files = {f"{user(login.agent)}.json": login.to_json() for login in keys.logins}
+    _write_keys(folder, {**files, _WORLD: keys.world.to_json()}, overwrite)
+
+
+def make_fleet_key_files(
+    folder: Path, swarm: str, hosts: Sequence[str], ground: str, days: int, overwrite: bool
+) -> None:
+    """Make the keys of a fleet: a file for the operator, who is reached at ``ground``, and one for each drone at ``hosts[i]``.
+
+    Raises:
+        As `make_key_files`.
+    """
+    try:
+        operator, logins = make_fleet_keys(swarm, hosts, ground, days, datetime.now(UTC))
+    except ValueError as error:
+        raise KeyFolderError(str(error)) from None
+    files = {f"{user(login.agent)}.json": login.to_json() for login in logins}
+    _write_keys(folder, {**files, _GROUND: operator.to_json()}, overwrite)
+
+
+def _write_keys(folder: Path, files: Mapping[str, str], overwrite: bool) -> None:
+    """All of them or none, by their names."""
+    old = [path for name in ("agent-*.json", _WORLD, _GROUND) for path in folder.glob(name)]
     if old and not overwrite:
         raise KeyFolderError(
             f"{folder}: holds keys already; give a new directory, or --overwrite: then no old key is good any more"
         )
     _make_private(folder)
     try:
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as name:  # all of them or none
-            new = Path(name)
-            for login in keys.logins:
-                write_whole(new / f"{user(login.agent)}.json", login.to_json(), private=True)
-            write_whole(new / _WORLD, keys.world.to_json(), private=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
+            new = Path(place)
+            for name, text in files.items():
+                write_whole(new / name, text, private=True)
             made = {file.replace(folder / file.name) for file in list(new.iterdir())}
     except (WriteError, OSError) as error:
         with suppress(OSError):  # it holds other things
             folder.rmdir()
         if isinstance(error, WriteError):
-            raise WriteError(str(error).replace(name, str(folder))) from None
+            raise WriteError(str(error).replace(place, str(folder))) from None
         raise WriteError(f"{folder}: cannot be written ({error.strerror})") from None
     for file in set(old) - made:
         file.unlink()
@@ -96,6 +117,43 @@ def read_login(file: Path, agent: int, endpoint: str, plain_text: bool) -> Login
     """
     if not plain_text:
         refuse_plain_text(endpoint)
+    return _own_login(file, agent)
+
+
+def read_fleet_login(folder: Path, swarm: str, agent: int, host: str) -> Login:
+    """Drone ``agent``'s own from a fleet's folder of keys, good at ``host``.
+
+    Raises:
+        KeyFileError: as `read_login`, or it is for another swarm or host.
+    """
+    file = folder / f"{user(agent)}.json"
+    login = _own_login(file, agent)
+    _check_fleet(file, login.certificates, login.swarm, swarm, host)
+    return login
+
+
+def read_operator_login(folder: Path, swarm: str, host: str) -> OperatorLogin:
+    """The operator's own, as `read_fleet_login`."""
+    file = folder / _GROUND
+    login = _read(file, certificates.read_operator_login)
+    _check_fleet(file, login.certificates, login.swarm, swarm, host)
+    return login
+
+
+def _check_fleet(file: Path, own: Certificates | None, theirs: str, swarm: str, host: str) -> None:
+    again = "make keys with 'rsc-swarm keys --fleet'"
+    if theirs != swarm:
+        raise KeyFileError(f"{file}: is for swarm {theirs!r}, and the mission is for {swarm!r}; {again}")
+    if own is None:
+        raise KeyFileError(f"{file}: has no certificate; {again}")
+    try:
+        certificates.refuse_other_address(own, host, again)
+        certificates.refuse_out_of_date(own, datetime.now(UTC))
+    except ValueError as error:
+        raise KeyFileError(f"{file}: {error}") from None
+
+
+def _own_login(file: Path, agent: int) -> Login:
     login = _read(file, certificates.read_login)
     if login.agent != agent:
         raise KeyFileError(

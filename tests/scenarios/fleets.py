@@ -27,6 +27,11 @@ class Fleet:
         self.port: int = fields["radio"]["port"]
         self.file.write_text(yaml.safe_dump(fields))
 
+    def make_keys(self) -> None:
+        """The fleet file names their folder."""
+        run = [*_RUN, "keys", str(self.folder / "keys"), "--fleet", str(self.file)]
+        subprocess.run(run, check=True, capture_output=True, timeout=60)
+
     @contextmanager
     def in_the_air(self, *words: str) -> Iterator[subprocess.Popen[bytes]]:
         """All drones in their processes, children of the one that is yielded."""

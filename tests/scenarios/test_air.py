@@ -22,7 +22,8 @@ def true_paths(folder: Path, drones: int) -> np.ndarray:
 
 
 def test_six_points_take_off_fly_past_the_obstacle_in_a_triangle_and_land(tmp_path: Path) -> None:
-    fleet = Fleet(tmp_path)
+    fleet = Fleet(tmp_path, keys="keys")
+    fleet.make_keys()
     plan = read_plan(fleet.file)
     with fleet.in_the_air():
         operator = fleet.operator("preflight,arm,takeoff,go")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from pydantic import TypeAdapter
 
 from protocols.wire.keys import MAX_AGENTS, checked_swarm, user
-from protocols.wire.login import Certificates, Login, Password, SealKeys, from_json, to_json
+from protocols.wire.login import Certificates, Login, OperatorLogin, Password, SealKeys, from_json, to_json
 
 
 @dataclass(frozen=True)
@@ -87,3 +87,18 @@ def make_keys(swarm: str, agents: int, addresses: Sequence[str], days: int, now:
         Credentials(swarm, fresh.passwords, made.world),
         tuple(fresh.login(agent, own) for agent, own in enumerate(made.agents)),
     )
+
+
+def make_fleet_keys(
+    swarm: str, hosts: Sequence[str], ground: str, days: int, now: datetime
+) -> tuple[OperatorLogin, tuple[Login, ...]]:
+    """What the operator and each drone of a fleet are given, who are reached at ``ground`` and ``hosts[i]``; errors as
+    `protocols.wire.certificates.make_peer_certificates`."""
+    from protocols.wire.certificates import OPERATOR, make_peer_certificates
+
+    fresh, names = Credentials.fresh(swarm, len(hosts)), [user(agent) for agent in range(len(hosts))]
+    made = make_peer_certificates(
+        swarm, {OPERATOR: ground, **dict(zip(names, hosts, strict=True))}, days, now
+    )
+    logins = tuple(fresh.login(agent, made[name]) for agent, name in enumerate(names))
+    return OperatorLogin(swarm, made[OPERATOR]), logins

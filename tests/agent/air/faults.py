@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from agent.air.peers import name_of
 from agent.air.pilot import Phase
 from agent.air.vehicle import Mode
-from protocols.wire.beacon import NO_TICK, Beacon, pack_beacon
+from protocols.wire.beacon import NO_TICK, NOBODY, Beacon, pack_beacon
 from protocols.wire.operator import Order
 from tests.agent.air.hall import Hall, plan_of
 
@@ -126,7 +126,9 @@ def spoofed() -> Told:
     begun = hall.now
     for _ in range(200):
         (x, y, z) = hall.vehicles[_WHO].state().p
-        beacon = Beacon(0, 4, 0, NO_TICK, hall.utc_us, (x + 0.2, y, z), (0.0, 0.0, 0.0), 0, 90, True)
+        beacon = Beacon(
+            0, 4, 0, NO_TICK, hall.utc_us, (x + 0.2, y, z), (0.0, 0.0, 0.0), 0, NOBODY, 0, 90, True
+        )
         hall.inject("5", "beacon", pack_beacon(beacon))
         hall.tick()
     return _told("a drone speaks in another's name", hall, begun)
@@ -156,7 +158,7 @@ STORIES: dict[str, Callable[[], Told]] = {
     "operator": operator_gone,
     "lossy": frames_lost,
     "parted": lambda: parted(3.0),
-    "long parted": lambda: parted(5.0),
+    "long parted": lambda: parted(6.0),
     "deaf": deaf,
     "clock": clock_off,
     "spoofed": spoofed,

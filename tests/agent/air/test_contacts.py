@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.air.contacts import OPERATOR, Contacts
-from protocols.wire.beacon import NO_TICK, Beacon
+from agent.air.contacts import Contacts
+from protocols.wire.beacon import NO_TICK, NOBODY, Beacon
 
 STILL = (0.0, 0.0, 0.0)
 
 
 def beacon(sender: int, utc_us: int = 1_000_000, tick: int = NO_TICK, **fields: object) -> Beacon:
-    return Beacon(sender, 0, 0, tick, utc_us, STILL, STILL, 0, 90, True)._replace(**fields)  # type: ignore[arg-type]
+    return Beacon(sender, 0, 0, tick, utc_us, STILL, STILL, 0, NOBODY, 0, 90, True)._replace(**fields)  # type: ignore[arg-type]
 
 
 def test_what_is_doubled_or_overtaken_is_heard_once() -> None:
@@ -25,8 +25,8 @@ def test_what_is_doubled_or_overtaken_is_heard_once() -> None:
 
 def test_a_frame_of_the_future_waits_for_its_time_unless_that_is_far() -> None:
     contacts = Contacts(0)
-    contacts.hear(beacon(1, tick=10), b"soon", 0, 0.0)
-    contacts.hear(beacon(2, tick=30), b"never", 0, 0.0)
+    contacts.hear(beacon(1, tick=10), b"soon", 1_000_000, 0.0)
+    contacts.hear(beacon(2, tick=30), b"never", 1_000_000, 0.0)
     assert contacts.frames(10) == []
     assert contacts.frames(11) == [(1, b"soon")]
     assert contacts.frames(31) == []
@@ -34,7 +34,7 @@ def test_a_frame_of_the_future_waits_for_its_time_unless_that_is_far() -> None:
 
 def test_who_falls_silent_in_flight_stops_where_it_got_in_a_second_and_is_gone_when_it_lands() -> None:
     contacts = Contacts(0)
-    contacts.hear(beacon(1, v=(2.0, 0.0, 0.0)), b"", 0, 100.0)
+    contacts.hear(beacon(1, v=(2.0, 0.0, 0.0)), b"", 1_200_000, 100.2)  # 0.2 s under way
     (mover,) = contacts.movers(100.5)
     assert (mover.p, mover.v) == ((1.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     (mover,) = contacts.movers(103.0)
@@ -61,21 +61,48 @@ def test_who_is_alone_misses_nobody() -> None:
     assert Contacts(0).few_s(0, 1.0) is None
 
 
-@given(st.floats(-1.0, 1.0), st.lists(st.floats(0.001, 0.3), min_size=1, max_size=30))
-def test_a_clock_is_told_but_for_the_quickest_way(off_s: float, ways: list[float]) -> None:
+def talk(
+    contacts: Contacts, there_ms: float, back_ms: float, since: float = 0.0, others: int = 3
+) -> float | None:
+    """Others come ``there_ms`` late and say that drone 0 comes ``back_ms`` late, for 3 s; the clock as drone 0 has it then."""
+    told = None
+    for step in range(75):
+        now = since + 0.04 * step
+        for who in range(1, 1 + others):
+            said = 1_000_000 + round(1e6 * now)
+            way = round(1000 * there_ms)
+            contacts.hear(beacon(who, said, about=0, late_ms=round(back_ms)), b"", said + way, now)
+        told = contacts.clock_s(now)
+    return told
+
+
+@given(st.integers(-400, 400), st.integers(1, 300))
+def test_a_clock_is_told_whatever_holds_up_all_that_is_said(off_ms: int, way_ms: int) -> None:
+    assert talk(Contacts(0), way_ms + off_ms, way_ms - off_ms) == pytest.approx(off_ms / 1000, abs=0.001)
+
+
+def test_what_was_held_up_for_a_moment_says_nothing_of_a_clock() -> None:
     contacts = Contacts(0)
-    for step, way in enumerate(ways):
-        for who in (1, 2, OPERATOR):
-            at_us = 10_000_000 + 20_000 * step
-            contacts.compare_clocks(who, at_us, at_us + round(1e6 * (off_s + way)), 0.02 * step)
-    told = contacts.clock_s(0.02 * len(ways))
-    assert told is not None
-    assert told - off_s == pytest.approx(min(ways), abs=1e-5)
+    assert talk(contacts, 1, 1) == pytest.approx(0.0)
+    for step in range(10):
+        said = 10_000_000 + 40_000 * step
+        contacts.hear(beacon(1, said), b"", said + 600_000, 9.0 + 0.04 * step)
+        assert (contacts.clock_s(9.0 + 0.04 * step) or 0.0) == pytest.approx(0.0)
 
 
 def test_one_wrong_clock_among_others_makes_nobody_else_wrong() -> None:
     contacts = Contacts(0)
-    for who in range(1, 6):
-        contacts.compare_clocks(who, 0, 500_000 if who == 3 else 1_000, 0.0)
-    assert contacts.clock_s(0.1) == pytest.approx(0.001)
-    assert contacts.clock_s(5.0) is None
+    for step in range(75):
+        for who in range(1, 6):
+            said, off = 1_000_000 + 40_000 * step, 500 if who == 3 else 0
+            contacts.hear(
+                beacon(who, said, about=0, late_ms=1 - off), b"", said + 1000 * (1 + off), 0.04 * step
+            )
+    assert contacts.clock_s(2.96) == pytest.approx(0.0)
+
+
+def test_all_that_are_heard_are_told_of_in_turn() -> None:
+    contacts = Contacts(0)
+    assert contacts.lateness(0, 0.0) == (NOBODY, 0)
+    talk(contacts, 7, 7)
+    assert {contacts.lateness(turn, 2.96) for turn in range(3)} == {(1, 7), (2, 7), (3, 7)}

@@ -94,6 +94,12 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("two at one address", {"drones": drones({"address": "udp/10.0.0.1:7"}, {}, {"address": "udp/10.0.0.1:7"})},
      "drone 0 and drone 2 are both reached at udp/10.0.0.1:7"),
     ("the operator's address", {"ground": "udp/127.0.0.1:7452"}, "the operator and drone 1 are both"),
+    ("no address", {"drones": drones({"address": "10.0.0.1"}, {}, {})}, "drones.0.address: '10.0.0.1' is no address; write"),
+    ("no port", {"ground": "udp/10.0.0.1:99999"}, "ground: .* is no address"),
+    ("a wire for all to read", {"drones": drones({"address": "udp/10.0.0.1:7000"}, {}, {})},
+     "drones.0.address: udp/10.0.0.1:7000 is plain text"),
+    ("a secret without keys", {"ground": "quic/10.0.0.1:7000"}, "ground: quic/10.0.0.1:7000 needs keys"),
+    ("keys and plain text", {"keys": "keys", "ground": "udp/127.0.0.1:7000"}, "ground: .* is plain text, and the fleet has keys"),
     ("one body twice", {"drones": drones({}, {"body": "crazyflie:E7"}, {"body": "crazyflie:E7"})},
      "drones: 1 and 2 have both the body crazyflie:E7"),
     ("starts too near", {"drones": drones({}, {"start_m": [-3, 0.1]}, {"start_m": [-3, 0]})}, "0.10 m apart, and 0.15 m"),
@@ -123,6 +129,13 @@ def test_a_room_must_say_what_stands_in_it() -> None:
         plan(by_chance)
     wide = {"fence": {"x_m": [-99, 99], "y_m": [-99, 99]}}
     assert plan(by_chance, obstacles_m=[], **wide).obstacles == ()
+
+
+def test_keys_make_all_links_secret_and_plain_text_leaves_a_machine_only_when_told_to() -> None:
+    made = plan(keys="keys").fleet
+    assert (made.ground_address, made.address(2)) == ("quic/127.0.0.1:7450", "quic/127.0.0.1:7453")
+    told = plan(ground="udp/10.0.0.1:7000", radio={"plain_text": True}).fleet
+    assert (told.ground_address, told.address(0)) == ("udp/10.0.0.1:7000", "udp/127.0.0.1:7451")
 
 
 def test_a_mission_may_be_turned_where_there_is_room() -> None:
