@@ -316,9 +316,9 @@ EVERY_TEST = [
     Alphabet(3, depth=10, proposals=2),
     Alphabet(3, depth=10, proposals=2, time_outs=True),
     Alphabet(3, depth=6, proposals=2, time_outs=True, late=1),
-    Alphabet(3, depth=8, proposals=2, crashes=1),
-    Alphabet(3, depth=7, proposals=1, restarts=1),
-    Alphabet(4, depth=8, proposals=2, ring=True),
+    Alphabet(3, depth=7, proposals=2, crashes=1),
+    Alphabet(3, depth=6, proposals=1, restarts=1),
+    Alphabet(4, depth=7, proposals=2, ring=True),
     Alphabet(3, depth=4, proposals=1, lies=2),
     Alphabet(3, depth=4, proposals=1, lies=1, deals=True, time_outs=True),
 ]
