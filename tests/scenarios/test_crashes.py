@@ -16,7 +16,7 @@ from tests.scenarios.flights import Fields, Launcher
 # Never at its goal, so that it is in the air whenever the test strikes.
 ENDLESS: Fields = {"agents": 6, "goal_x_m": 1e6, "fly_s": 3600, "obstacles": {"discs": []}}
 LONG: Fields = {**ENDLESS, "fly_s": 10}
-NOTHING_LEFT_S = 2.0
+NOTHING_LEFT_S = 20.0  # only what fails takes so long
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fi
     flight = launch(LONG)
     pid = flight.children["agent-4"].pid
     flight.hit("agent-4")
-    code, said = flight.end(within_s=20)
+    code, said = flight.end(within_s=60)
     assert code == 3
     assert re.fullmatch(
         rf"broken: agent 4 was lost at t = [\d.]+ s without the mission's doing: its process \({pid}\) was ended by SIGKILL. "
@@ -55,7 +55,7 @@ def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fi
 def test_a_drone_that_somebody_asks_to_leave_breaks_the_run_too(launch: Callable[[Fields], Launcher]) -> None:
     flight = launch(LONG)
     flight.hit("agent-0", signal.SIGTERM)
-    code, said = flight.end(within_s=20)
+    code, said = flight.end(within_s=60)
     assert (code, "agent 0 was lost" in said[-1], "ended with exit code 0" in said[-1]) == (3, True, True)
 
 
@@ -63,7 +63,7 @@ def test_a_world_that_is_killed_breaks_the_run_in_one_line(launch: Callable[[Fie
     flight = launch(ENDLESS)
     pid = flight.children["world"].pid
     flight.hit("world")
-    code, said = flight.end(within_s=10)
+    code, said = flight.end(within_s=60)
     assert code == 3
     assert said == [f"broken: world (process {pid}) was ended by SIGKILL"]
     assert flight.is_gone_within(NOTHING_LEFT_S)
@@ -75,7 +75,7 @@ def test_when_all_drones_are_killed_nobody_calls_it_a_failure_of_the_controller(
     flight = launch(ENDLESS)
     for agent in range(6):
         flight.hit(f"agent-{agent}")
-    code, said = flight.end(within_s=20)
+    code, said = flight.end(within_s=60)
     assert (code, "was ended by SIGKILL" in said[-1]) == (3, True)
 
 
@@ -96,7 +96,7 @@ def test_a_launcher_stopped_with_its_drones_frozen_leaves_nothing_behind(
 def test_ctrl_c_ends_all_and_leaves_nothing(launch: Callable[[Fields], Launcher]) -> None:
     flight = launch(ENDLESS)
     os.killpg(flight.process.pid, signal.SIGINT)  # a terminal sends it to every process of the launch
-    code, said = flight.end(within_s=20)
+    code, said = flight.end(within_s=60)
     assert (code, json.loads(said[-1])["failure"]) == (130, "interrupted")
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
     assert (flight.here / "run" / "trajectory.npz").is_file()
@@ -110,7 +110,7 @@ def test_ctrl_c_twice_loses_nothing_of_what_was_flown(
     os.killpg(flight.process.pid, signal.SIGINT)
     time.sleep(apart_s)
     os.killpg(flight.process.pid, signal.SIGINT)
-    code, said = flight.end(within_s=20)
+    code, said = flight.end(within_s=60)
     assert code == 130
     assert json.loads(said[-1])["lost"] == []
     with np.load(flight.here / "run" / "trajectory.npz") as saved:
@@ -120,7 +120,7 @@ def test_ctrl_c_twice_loses_nothing_of_what_was_flown(
 def test_a_launcher_that_is_terminated_leaves_nothing(launch: Callable[[Fields], Launcher]) -> None:
     flight = launch(ENDLESS)
     flight.process.terminate()
-    flight.end(within_s=10)
+    flight.end(within_s=60)
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
 
 

@@ -14,7 +14,7 @@ from agent.radio.link import AgentLink
 from protocols.wire import keys
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from tests.world.test_link_security import PATIENCE_S, SWARM, intruder, speak
+from tests.world.links import PATIENCE_S, SWARM, intruder, speak
 from world.server import link as world_link
 from world.server.credentials import Keys, make_keys
 from world.server.link import WorldLink
