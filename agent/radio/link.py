@@ -7,12 +7,11 @@
 """
 
 import json
-import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
 
@@ -24,14 +23,12 @@ from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from protocols.wire.transport import COMMON, secret
+from protocols.wire.transport import AGENT_RUNTIME, COMMON, few_threads, secret
 
 _LOOK_AGAIN_S = 0.002
-# One thread for all that Zenoh does: with a pool for each kind of work, cores are busy with switching between a swarm's threads.
-_ONE_RUNTIME = (
-    "(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),"
-    "app:(worker_threads:1,max_blocking_threads:2))"
-)
+_BEAT_S = 0.2  # after so long a wait for a message is looked at again
+# More than the world sends to one who does not read: then nothing that Zenoh has read waits for anything.
+_MOST_WAITING = 1024
 _ASK_AGAIN_S = 0.1  # whether to leave, while waiting for the world
 
 
@@ -52,18 +49,6 @@ def _check_certificates(endpoint: str, login: Login) -> None:
         raise LinkError(f"{keys.user(login.agent)}: {error}") from None
 
 
-@contextmanager
-def _one_runtime() -> Iterator[None]:
-    """Zenoh reads it when a process opens its first session. What this process starts, a world perhaps, is not to inherit it."""
-    unset = "ZENOH_RUNTIME" not in os.environ
-    os.environ.setdefault("ZENOH_RUNTIME", _ONE_RUNTIME)
-    try:
-        yield
-    finally:
-        if unset:
-            os.environ.pop("ZENOH_RUNTIME", None)
-
-
 def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
     settings: dict[str, Any] = {
         "mode": "client",
@@ -81,7 +66,7 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
         config = zenoh.Config()
         for name, value in settings.items():
             config.insert_json5(name, json.dumps(value))
-        with _one_runtime():
+        with few_threads(AGENT_RUNTIME):
             return zenoh.open(config)
     except zenoh.ZError as error:
         from agent.radio.why_not import why_not  # loads what only this needs
@@ -129,17 +114,19 @@ class AgentLink(Closing):
         leaving: Callable[[], bool] = lambda: False,
     ) -> None:
         deadline = time.monotonic() + connect_timeout_s
-        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
-        # unlike a Zenoh channel it can be waited on for a limited time.
-        self._heard: queue.SimpleQueue[zenoh.Sample | bytes] = queue.SimpleQueue()
+        self._waits, self._over = False, threading.Event()
         self._endpoint, self._agent = endpoint, login.agent
         self._datagrams: AgentDatagrams | None = None
         self._joiner = pieces.Joiner()
         _check_certificates(checked_endpoint(endpoint), login)
         self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
         try:
-            self._session.declare_subscriber(
-                keys.rx(login.swarm, login.agent), zenoh.handlers.Callback(self._heard.put, indirect=False)
+            # All that comes goes into this one channel without passing through Python: what the world says, datagrams, and a beat,
+            # by which a wait ends.
+            heard = keys.rx(login.swarm, login.agent)
+            self._heard = self._session.declare_subscriber(heard, zenoh.handlers.FifoChannel(_MOST_WAITING))
+            self._own = self._session.declare_publisher(
+                heard, allowed_destination=zenoh.Locality.SESSION_LOCAL
             )
             self._publisher = self._session.declare_publisher(
                 keys.tx(login.swarm, login.agent),
@@ -159,6 +146,16 @@ class AgentLink(Closing):
         except BaseException:
             self._session.close()
             raise
+        threading.Thread(target=self._beat, daemon=True).start()
+
+    def _beat(self) -> None:
+        while not self._over.wait(_BEAT_S):
+            if self._waits:
+                self._put_in(b"")
+
+    def _put_in(self, message: bytes) -> None:
+        with suppress(zenoh.ZError):  # closed meanwhile
+            self._own.put(message)
 
     def send(self, payload: bytes) -> None:
         """Send to the world."""
@@ -170,25 +167,28 @@ class AgentLink(Closing):
         Raises:
             LinkError: they cannot be had.
         """
-        self._datagrams = AgentDatagrams(self._endpoint, self._agent, key, self._heard.put)
+        self._datagrams = AgentDatagrams(self._endpoint, self._agent, key, self._put_in)
 
     def cast(self, payload: bytes) -> bool:
         """Send to the world, in a datagram: it may get lost, but waits for nothing. False where perhaps nobody hears it."""
         return self._datagrams is not None and self._datagrams.send(payload)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """The next message, oldest first; None when none comes in ``timeout_s`` (0: do not wait)."""
+        """The next message, oldest first; None when none comes in ``timeout_s``, a little more or less (0: do not wait)."""
+        until = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
+        self._waits = timeout_s > 0.0
         while True:
-            try:
-                sample = self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
-            except queue.Empty:
+            sample = self._heard.recv() if self._waits else self._heard.try_recv()
+            if sample is None:
                 return None
-            if isinstance(sample, bytes):
-                return sample
-            if (message := self._joiner.join(sample.payload.to_bytes())) is not None:
+            data = sample.payload.to_bytes()
+            if data and (message := self._joiner.join(data)) is not None:
                 return message
+            if time.monotonic() >= until:
+                return None
 
     def close(self) -> None:
+        self._over.set()
         if self._datagrams is not None:
             self._datagrams.close()
         if not self._session.is_closed():

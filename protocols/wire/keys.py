@@ -49,6 +49,11 @@ def every_tx(swarm: str) -> str:
     return f"{checked_swarm(swarm)}/tx/*"
 
 
+def pulse(swarm: str) -> str:
+    """Where the world, and nobody else, puts a beat into what it hears, so that no wait is endless."""
+    return f"{checked_swarm(swarm)}/tx/pulse"
+
+
 def user(agent: int) -> str:
     """The name under which ``agent`` logs in."""
     return f"agent-{checked_agent(agent)}"

@@ -1,12 +1,23 @@
-"""How both ends of a link set Zenoh up, and no more than both must agree on. Only values: this imports no Zenoh."""
+"""How both ends of a link set Zenoh up, and no more than both must agree on. This imports no Zenoh."""
 
 import base64
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Literal
 
 from protocols.wire.login import Certificates
 
 # Zenoh would otherwise take who is stopped for ten seconds for gone, and lose what was under way.
 _LEASE_MS = 24 * 3_600_000
+
+# The threads of Zenoh's own. With a pool for each kind of
+# work, cores are busy with switching between a swarm's threads. An agent has one thread; the world's reading has one of its own,
+# because it waits while the world has not taken in what was read.
+_RUNTIME = "ZENOH_RUNTIME"
+_ONE = "(worker_threads:1,max_blocking_threads:2)"
+AGENT_RUNTIME = f"(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),app:{_ONE})"
+WORLD_RUNTIME = f"(rx:{_ONE},tx:(handover:app),net:(handover:app),acc:(handover:app),app:{_ONE})"
 
 COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -17,6 +28,18 @@ COMMON: dict[str, Any] = {
     "transport/link/tx/lease": _LEASE_MS,
     "transport/shared_memory/enabled": False,  # no gain at these sizes
 }
+
+
+@contextmanager
+def few_threads(runtime: str) -> Iterator[None]:
+    """Open the first session of a process in here. What this process starts, a world perhaps, does not inherit it."""
+    unset = _RUNTIME not in os.environ
+    os.environ.setdefault(_RUNTIME, runtime)
+    try:
+        yield
+    finally:
+        if unset:
+            os.environ.pop(_RUNTIME, None)
 
 
 def secret(certificates: Certificates, *ends: Literal["connect", "listen"]) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 - The router knows one login per agent and denies by default. On ``tls`` and ``quic`` an agent must also show the certificate
   that has its name. Agent ``i`` may put
   on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
-- Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long, or comes while
-  too much of the same agent waits to be read, is turned away at the door.
+- Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long is turned away at the
+  door; while too much waits there, Zenoh reads no further.
 - ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It waits for an agent that has stopped
   reading once its pipe is full, so whoever sends must stop long before that; if not, the pipe is cut (world.server.pipes).
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
@@ -13,9 +13,8 @@
 import itertools
 import json
 import os
-import queue
 import re
-import threading
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -27,7 +26,7 @@ from protocols.closing import Closing
 from protocols.wire import keys, messages, pieces
 from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON, secret
+from protocols.wire.transport import COMMON, WORLD_RUNTIME, few_threads, secret
 from world.server.credentials import Credentials
 from world.server.datagrams import WorldDatagrams
 from world.server.pipes import Lookout
@@ -131,7 +130,8 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         config = zenoh.Config()
         for name, value in settings.items():
             config.insert_json5(name, json.dumps(value))
-        return zenoh.open(config)
+        with few_threads(WORLD_RUNTIME):
+            return zenoh.open(config)
     except zenoh.ZError as error:
         reason = re.sub(r" at /\S*\.rs:\d+\.?", "", str(error))
         raise LinkError(
@@ -143,7 +143,8 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         os.close(dictionary)
 
 
-_MOST_WAITING = 64  # messages of one agent
+# Messages of all agents that wait to be read. Zenoh's receiving thread waits while there are so many.
+_MOST_WAITING = 1024
 
 
 class WorldLink(Closing):
@@ -156,21 +157,22 @@ class WorldLink(Closing):
         """``realtime``: hear and send datagrams besides."""
         _check_endpoints(credentials, endpoints)
         swarm, agents = credentials.swarm, range(len(credentials.passwords))
-        self._agent_of_key = {keys.tx(swarm, agent): agent for agent in agents}
-        # The receiving thread of Zenoh puts straight into this queue: no Python thread stands between, and
-        # unlike a Zenoh channel it can be waited on for a limited time.
-        self._heard: queue.SimpleQueue[tuple[int, zenoh.Sample | bytes]] = queue.SimpleQueue()
-        self._lock = threading.Lock()
-        self._waiting, self._turned_away = [0 for _ in agents], [0 for _ in agents]
+        self._keys = [keys.tx(swarm, agent) for agent in agents]
+        self._agent_of_key = {key: agent for agent, key in enumerate(self._keys)}
+        self._turned_away = [0 for _ in agents]
         self._barred: set[int] = set()
         self._sends = 0
         self._numbers = itertools.count()
+        self._waits = False
         self._session = _open_router(credentials, endpoints)
-        self._lookout = Lookout()
         try:
-            self._datagrams = WorldDatagrams(endpoints if realtime else (), self._hear_datagram)
-            self._session.declare_subscriber(
-                keys.every_tx(swarm), zenoh.handlers.Callback(self._hear, indirect=False)
+            # All that comes goes into this one channel without passing through Python: what agents say, datagrams, and a beat
+            # that nobody else can put there, by which a wait ends.
+            self._heard = self._session.declare_subscriber(
+                keys.every_tx(swarm), zenoh.handlers.FifoChannel(_MOST_WAITING)
+            )
+            self._pulse = self._session.declare_publisher(
+                keys.pulse(swarm), allowed_destination=zenoh.Locality.SESSION_LOCAL
             )
             self._publishers = [
                 self._session.declare_publisher(
@@ -178,9 +180,11 @@ class WorldLink(Closing):
                 )
                 for agent in agents
             ]
+            self._datagrams = WorldDatagrams(endpoints if realtime else (), self._hear_datagram)
         except BaseException:
             self._session.close()
             raise
+        self._lookout = Lookout(self._beat)
 
     def send(self, agent: int, payload: bytes) -> None:
         """Send to one agent. An agent that is not connected does not get it, now or later."""
@@ -198,27 +202,17 @@ class WorldLink(Closing):
         """Send to one agent, in datagrams: it may get lost, but waits for nothing. False where that cannot be, or not yet."""
         return self._datagrams.send(agent, payload)
 
-    def _hear(self, sample: zenoh.Sample) -> None:
-        """In a thread of Zenoh's: take in what came, if there is room for it."""
-        agent = self._agent_of_key.get(str(sample.key_expr))
-        if agent is not None:
-            self._let_in(agent, sample, len(sample.payload))
-
     def _hear_datagram(self, agent: int, message: bytes) -> None:
-        self._let_in(agent, message, len(message))
+        with suppress(zenoh.ZError):  # closed meanwhile
+            self._session.put(self._keys[agent], message, allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
-    def _let_in(self, agent: int, what: zenoh.Sample | bytes, size: int) -> None:
-        if agent in self._barred:
-            return
-        with self._lock:
-            if self._waiting[agent] >= _MOST_WAITING or size > messages.MAX_FROM_DRONE:
-                self._turned_away[agent] += 1
-                return
-            self._waiting[agent] += 1
-        self._heard.put((agent, what))
+    def _beat(self) -> None:
+        if self._waits:
+            with suppress(zenoh.ZError):  # closed meanwhile
+                self._pulse.put(b"")
 
     def turned_away(self, agent: int) -> int:
-        """Messages of this agent so far that were too long or too many."""
+        """Messages of this agent so far that were too long."""
         return self._turned_away[agent]
 
     def bar(self, agent: int) -> None:
@@ -226,16 +220,20 @@ class WorldLink(Closing):
         self._barred.add(agent)
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
-        """The next message and the agent that sent it; None if none comes in ``timeout_s`` (0: no wait)."""
-        try:
-            agent, sample = (
-                self._heard.get(timeout=timeout_s) if timeout_s > 0.0 else self._heard.get_nowait()
-            )
-        except queue.Empty:
-            return None
-        with self._lock:
-            self._waiting[agent] -= 1
-        return agent, sample if isinstance(sample, bytes) else sample.payload.to_bytes()
+        """The next message and the agent that sent it; None if none comes in ``timeout_s``, a little more or less (0: no wait)."""
+        until = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
+        self._waits = timeout_s > 0.0
+        while True:
+            sample = self._heard.recv() if self._waits else self._heard.try_recv()
+            if sample is None:
+                return None
+            agent, payload = self._agent_of_key.get(str(sample.key_expr)), sample.payload
+            if agent is not None and agent not in self._barred:
+                if len(payload) <= messages.MAX_FROM_DRONE:
+                    return agent, payload.to_bytes()
+                self._turned_away[agent] += 1
+            if time.monotonic() >= until:
+                return None
 
     def close(self) -> None:
         self._lookout.close()

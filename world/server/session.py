@@ -40,6 +40,7 @@ from world.server.said import Said
 Clock = Literal["lockstep", "realtime"]
 _FAREWELL_S, _HASTY_FAREWELL_S = 5.0, 0.5
 _SNAPSHOT_S = 0.125
+_MOST_A_TICK = 4096  # messages that are read at the end of a tick in real time
 
 
 class ServerError(BrokenError, RuntimeError):
@@ -241,12 +242,15 @@ class WorldServer:
         return left
 
     def _keep_time(self, awake: list[int], tick: int) -> bool:
-        """Receive until the clock says that the tick is over; who has not answered lately has its failsafe. As `_await`."""
+        """Sleep until the clock says that the tick is over, and read what came; who has not answered lately has its failsafe. As
+        `_await`."""
         deadline = self._started + (tick + 1) * TICK_S
         while (left := deadline - self._time.now()) > 0:
-            self._receive(left)
-        for _ in awake:  # what came in the meantime, but no flood
-            self._receive(0)
+            time.sleep(left)
+        for _ in range(_MOST_A_TICK):  # no flood holds up the next one
+            if (received := self._link.receive(0)) is None:
+                break
+            self._take(*received)
         if (now := self._time.now()) >= self._look_at:
             self._look(now)
         answered = np.array([peer.answered for peer in self.peers])
@@ -296,9 +300,9 @@ class WorldServer:
     def _receive(self, timeout_s: float) -> int | None:
         """Take in one message; return its sender, or None if none came in time or it was none of a drone of this flight."""
         received = self._link.receive(timeout_s)
-        if received is None:
-            return None
-        agent, data = received
+        return None if received is None else self._take(*received)
+
+    def _take(self, agent: int, data: bytes) -> int | None:
         peer = self.peers[agent]
         peer.says(self._time.now())
         try:
