@@ -22,6 +22,7 @@ from agent import tick as cycle
 from agent.memory import Memory, empty_memory, forget
 from agent.policy import Seen, find_policy
 from agent.policy.asking import absurd, ask, call
+from agent.policy.base import Compiled
 from agent.radio.air import Air
 from agent.rules import rules_of, shape_of
 from agent.slot_endpoints import SealsOf, SlotEndpoints
@@ -34,22 +35,17 @@ from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
 
 class Inputs(NamedTuple):
-    """What reaches A drones in one tick.
+    """Where what reaches A drones lies; the same arrays every tick, filled anew.
 
     awake: (A,) who acts; the others sense, hear and say nothing. sensed: A rows. air: where frames are heard and said.
     heard: rows of ``air`` that have been heard, ``heard[start[r]:start[r + 1]]`` by drone r; start: (A + 1,).
-    first: what drone r says is to go into row first + r of ``air``.
-
-    It is quickest if ``sensed`` and ``air`` are the same objects every tick.
     """
 
-    tick: int
     awake: NDArray[np.bool_]
     sensed: Sensed
     air: Air
     start: NDArray[np.int64]
     heard: NDArray[np.int64]
-    first: int
 
 
 class Outputs(NamedTuple):
@@ -73,7 +69,6 @@ class AgentCore:
         mission: Mission,
         me: Sequence[int],
         initial_slots: NDArray[np.int16],
-        inbox_size: int,
         boot: int = 0,
         rehearsal: bool = False,
         seals_of: SealsOf = Stamps,
@@ -81,7 +76,6 @@ class AgentCore:
         """Make the drones numbered ``me`` (A,), whose swarm starts in ``initial_slots`` (A, N): agent -> slot.
 
         Args:
-            inbox_size: frames that all rows together can hear in one tick.
             boot: above 0 means restarted in mid-flight, knowing nothing but the initial slots.
             rehearsal: this process will fork: load all code, but open nothing.
             seals_of: what each drone seals its swaps with; without, what is good enough for drones of one process.
@@ -94,12 +88,12 @@ class AgentCore:
         self.policy = find_policy(mission.policy, self.mission)
         self._opened = rehearsal
         self._rules, self._shape = rules_of(mission), shape_of(mission)
-        self._work = empty_work(agents, inbox_size)
+        self._work = empty_work(agents)
+        self._command = np.zeros((len(agents), 2))
         self._memory = empty_memory(len(agents), mission.agents)
         self._views = empty_views(len(agents), mission.agents)
         self._endpoints = SlotEndpoints(mission, agents, initial_slots, self._views, boot, seals_of)
-        self._sensed: Sensed | None = None
-        self._air: Air | None = None
+        self._inputs: Inputs | None = None
 
     def restart(self, row: int, tick: int, boot: int) -> None:
         """Row ``row`` lost its memory: what a killed and restarted process comes back as."""
@@ -118,13 +112,15 @@ class AgentCore:
             call(self.policy.open, self.mission.policy)
         self._opened = True
 
-    def _begin(self, inputs: Inputs) -> None:
+    def _begin(self, tick: int, inputs: Inputs) -> None:
         """Before the first tick, and where other arrays come than before."""
-        work, memory, sensed = self._work, self._memory, inputs.sensed
-        if self._air is None:
-            for row in range(len(work.me)):
-                forget(memory, row, inputs.tick)  # whoever begins in mid-flight takes nobody for dead
-        self._sensed, self._air = sensed, inputs.air
+        memory, sensed = self._memory, inputs.sensed
+        if self._inputs is None:
+            for row in range(len(self._work.me)):
+                forget(memory, row, tick)  # whoever begins in mid-flight takes nobody for dead
+        self._inputs = inputs
+        work = self._work._replace(awake=inputs.awake, inbox_start=inputs.start, inbox=inputs.heard)
+        self._work = work
         self._arrays = by_reference(
             TickArrays(self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory)
         )
@@ -134,26 +130,26 @@ class AgentCore:
             "chain_error": work.chain_error, "slot_error": work.slot_error, "observation": work.observation, "memory": memory,
         }  # fmt: skip
 
-    def tick(self, inputs: Inputs) -> Outputs:
-        """Decide one tick for the awake rows.
+    def tick(self, tick: int, inputs: Inputs, first: int) -> Outputs:
+        """Decide one tick for the awake rows. What drone r says goes into row first + r of ``inputs.air``.
 
         Raises:
             agent.policy.PolicyError: the policy raised or wants no accelerations; one line says where.
         """
-        tick, awake, sensed, air, start, heard, first = inputs
-        work, endpoints = self._work, self._endpoints
-        self.open()
-        begins = sensed is not self._sensed or air is not self._air
+        begins = inputs is not self._inputs
         if begins:
-            self._begin(inputs)
-        work.awake[:], work.inbox_start[:], work.inbox[: len(heard)] = awake, start, heard
-        arrays = self._arrays
-        news = cycle.before_policy(tick, arrays)
-        changed = endpoints.step(tick, work, air) if news else ()
+            self.open()
+            self._begin(tick, inputs)
+        arrays, work, air, endpoints = self._arrays, self._work, inputs.air, self._endpoints
+        changed = endpoints.step(tick, work, air) if cycle.before_policy(tick, arrays) else ()
         if changed or begins:  # at the first swap there would be no time for loading code
             cycle.aim_again(arrays)
         policy, name = self.policy, self.mission.policy
-        command = ask(policy, name, Seen(tick, self._shown, arrays), len(work.me))
+        if isinstance(policy, Compiled):
+            command = self._command
+            call(policy.act_on_arrays, name, tick, arrays, command)
+        else:
+            command = ask(policy, name, Seen(tick, self._shown, arrays), len(work.me))
         wrong = cycle.after_policy(tick, first, arrays, command)
         if wrong >= 0:
             raise absurd(policy, name, int(work.me[wrong]), command[wrong])

@@ -28,7 +28,7 @@ class Memory(NamedTuple):
     heard_observation: NDArray[np.int16]
     heard_one_hop: NDArray[np.int64]
     heard_count: NDArray[np.int64]
-    heard_known: NDArray[np.uint8]
+    heard_known: NDArray[np.uint16]
     heard_displacement: NDArray[np.float32]
     last_seen: NDArray[np.int64]
     hops: NDArray[np.int64]
@@ -69,7 +69,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
         heard_observation=np.zeros((rows, agents, OBSERVATION_SIZE), np.int16),
         heard_one_hop=np.zeros((rows, agents), np.int64),
         heard_count=np.zeros((rows, agents), np.int64),
-        heard_known=np.zeros((rows, agents, MAX_KNOWN), np.uint8),
+        heard_known=np.zeros((rows, agents, MAX_KNOWN), np.uint16),
         heard_displacement=np.zeros((rows, agents, MAX_KNOWN, 2), np.float32),
         last_seen=np.zeros((rows, agents), np.int64),
         hops=np.full((rows, agents), UNKNOWN),

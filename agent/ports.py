@@ -8,9 +8,13 @@ All speak of the plane in which the swarm flies, in the common local frame: metr
 a body keeps by itself.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.wire.heard import pack_heard
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import AgentStatus
 
@@ -18,8 +22,11 @@ from protocols.wire.status import AgentStatus
 class Body(Protocol):
     """What flies, and what it senses."""
 
-    def sense(self) -> Sensed:
-        """One row: its own motion now, and the neighbours and obstacles for which it has sensors; the same arrays every time."""
+    sensed: Sensed
+    """One row: its own motion, and the neighbours and obstacles for which it has sensors; the same arrays every time."""
+
+    def sense(self) -> None:
+        """Bring ``sensed`` up to now."""
 
     def fly(self, ax: float, ay: float) -> None:
         """Accelerate by this until the next tick.
@@ -29,10 +36,20 @@ class Body(Protocol):
 
 
 class Heard(NamedTuple):
-    """``sources[i]`` sent ``frames[i]``, as far as the radio knows; how old a frame is it says itself."""
+    """``frames`` frames, as they lie in ``data`` from ``at`` to ``end`` (protocols.wire.heard), each behind its source as far as
+    the radio knows it; how old a frame is it says itself. It is quickest if ``data`` is the same array every time.
+    """
 
-    sources: bytes
-    frames: list[bytes]
+    data: NDArray[np.uint8]
+    at: int
+    end: int
+    frames: int
+
+
+def heard_of(said: Sequence[tuple[int, bytes]]) -> Heard:
+    """What is heard where each of ``said`` is a source and its frame."""
+    data = np.frombuffer(pack_heard(said), np.uint8)
+    return Heard(data, 0, len(data), len(said))
 
 
 class Radio(Protocol):

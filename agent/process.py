@@ -16,7 +16,6 @@ from protocols.slots.seals import Stamps
 from protocols.wire import messages
 from protocols.wire.keys import LinkError
 from protocols.wire.login import SealKeys
-from protocols.wire.messages import Tick
 from protocols.wire.sensed import SensedPacker, empty_sensed
 from protocols.wire.status import AgentStatus, is_due
 
@@ -42,11 +41,15 @@ class Drone:
             agent.policy.PolicyError: the mission's policy cannot be found or made.
         """
         initial = np.frombuffer(initial_slots, np.uint8).astype(np.int16)[None]
-        self._core = AgentCore(mission, [me], initial, messages.MAX_HEARD, boot, rehearsal, seals_of)
+        self._core = AgentCore(mission, [me], initial, boot, rehearsal, seals_of)
         self._body, self._radio = body, radio
         self._air = Air(mission.swarm, mission.agents, messages.MAX_HEARD + 1)
         self._hearing = Hearing(self._air, me, mission.agents)
-        self._awake, self._start = np.ones(1, np.bool_), np.zeros(2, np.int64)
+        self._start = np.zeros(2, np.int64)
+        self._believed = self._start[1:].data  # how many frames
+        self._inputs = Inputs(
+            np.ones(1, np.bool_), body.sensed, self._air, self._start, self._hearing.believed
+        )
         self.tick = -1
 
     @property
@@ -57,13 +60,11 @@ class Drone:
     def act(self, tick: int) -> None:
         """One tick: sense and hear, decide, fly and speak."""
         own = messages.MAX_HEARD
-        sensed, heard = self._body.sense(), self._radio.hear()
-        believed = self._hearing.hear(tick, *heard)
-        self._start[1] = len(believed)
-        said = self._core.tick(Inputs(tick, self._awake, sensed, self._air, self._start, believed, own))
+        self._body.sense()
+        self._believed[0] = self._hearing.hear(tick, self._radio.hear())
+        said = self._core.tick(tick, self._inputs, own)
         self.tick = tick
-        ((ax, ay),) = said.command.tolist()
-        self._body.fly(ax, ay)
+        self._body.fly(*said.command[0].tolist())
         if said.sent[0]:
             self._radio.say(self._air.pack(own))
         self._radio.report(int(said.slot[0]), self.status() if is_due(tick, bool(said.changed)) else None)
@@ -88,7 +89,7 @@ def rehearse(mission: Mission) -> None:
     world = RelayedWorld(0)
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0, world, world, rehearsal=True)
     for tick in range(2):
-        world.take(Tick(tick, 0, tick - 1, SensedPacker(empty_sensed(1)).pack(0), b"", []))
+        world.take(messages.make_tick(tick, 0, tick - 1, SensedPacker(empty_sensed(1)).pack(0)))
         drone.act(tick)
     release_compiler()
 

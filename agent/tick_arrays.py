@@ -92,14 +92,14 @@ def empty_views(rows: int, agents: int) -> Views:
     )
 
 
-def empty_work(me: NDArray[np.int64], inbox_size: int) -> Work:
-    """A tick's arrays for the drones numbered ``me``, all awake, hearing up to ``inbox_size`` frames."""
+def empty_work(me: NDArray[np.int64]) -> Work:
+    """A tick's arrays for the drones numbered ``me``, all awake, hearing nothing."""
     rows = len(me)
     return Work(
         me=me,
         awake=np.ones(rows, np.bool_),
         inbox_start=np.zeros(rows + 1, np.int64),
-        inbox=np.zeros(inbox_size, np.int64),
+        inbox=np.zeros(0, np.int64),
         target_position=np.zeros((rows, 2)),
         target_velocity=np.zeros((rows, 2)),
         chain_error=np.zeros((rows, 2)),

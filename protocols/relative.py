@@ -50,7 +50,7 @@ class Heard(NamedTuple):
     tick: NDArray[np.int64]
     one_hop: NDArray[np.int64]
     known_count: NDArray[np.int64]
-    known: NDArray[np.uint8]
+    known: NDArray[np.uint16]
     displacement: NDArray[np.float32]
 
 

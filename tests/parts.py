@@ -16,7 +16,7 @@ def empty_parts(mission: Mission, me: int = 0, memory: Memory | None = None) -> 
         rules_of(mission),
         shape_of(mission),
         empty_views(1, mission.agents),
-        empty_work(np.array([me]), 1),
+        empty_work(np.array([me]))._replace(inbox=np.zeros(1, np.int64)),
         empty_sensed(1),
         empty_frames(1),
         memory or empty_memory(1, mission.agents),

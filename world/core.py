@@ -131,8 +131,8 @@ class WorldCore:
         self._queue = medium.empty_queue(worlds, agents, self._link.longest)
         self._sizes = np.zeros((worlds, self._link.longest + 1, agents), np.int64)
         self._sent = np.zeros(self.shape, np.int64)
-        self._inbox_start = np.zeros(worlds * agents + 1, np.int64)
-        self._inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
+        self.inbox_start = np.zeros(worlds * agents + 1, np.int64)
+        self.inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
         # Only where something goes wrong is there news to wait for.
         self._information_bound = (
             information_bound.empty_information_bound(worlds, agents, self.ring) if first.faults else None
@@ -160,7 +160,7 @@ class WorldCore:
     @property
     def inbox_size(self) -> int:
         """No more frames than this arrive in one tick."""
-        return len(self._inbox)
+        return len(self.inbox)
 
     @property
     def rows_awake(self) -> NDArray[np.bool_]:
@@ -221,14 +221,14 @@ class WorldCore:
             self._sizes,
             self._queue,
             self.tally,
-            self._inbox_start,
-            self._inbox,
+            self.inbox_start,
+            self.inbox,
         )
         if self._information_bound:
             information_bound.spread(
-                self._information_bound, self.tick, self.active, self._inbox_start, self._inbox
+                self._information_bound, self.tick, self.active, self.inbox_start, self.inbox
             )
-        return Inbox(self._inbox_start, self._inbox[:total])
+        return Inbox(self.inbox_start, self.inbox[:total])
 
     def could_know(self, world: int) -> NDArray[np.int32] | None:
         """(N, N): of which tick of drone j (column) drone i could know by now; None in a mission without faults."""

@@ -21,6 +21,7 @@ class Foresight:
     def __init__(self) -> None:
         self._command: dict[int, tuple[float, float]] = {}
         self._late: deque[int] = deque(maxlen=_LATELY)
+        self._on_time = 0  # ticks before the first that was late
 
     def remember(self, tick: int, ax: float, ay: float) -> None:
         """This was commanded in answer to ``tick``: acceleration [m/s^2]."""
@@ -32,9 +33,13 @@ class Foresight:
         """Make of what was sensed at ``tick``, when the drone flew by its answer to tick ``followed``, what will be so when its
         next answer counts; one row, in place.
         """
-        if (
-            followed in self._command
-        ):  # else it flew by what was commanded before this process began, or long ago
+        # Where it is not in there, it flew by what was commanded before this process began, or long ago.
+        if followed in self._command:
+            if followed == tick - 1 and not self._late:
+                self._on_time += 1
+                return
+            if not self._late:
+                self._late.extend([0] * min(self._on_time, _LATELY))
             self._late.append(min(tick - 1 - followed, _FARTHEST))
         ahead = sorted(self._late)[len(self._late) // 2] if self._late else 0
         if not ahead:

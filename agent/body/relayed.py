@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from enum import StrEnum
 from typing import Protocol
 
+import numpy as np
+
 from agent.body.foresight import Foresight
 from agent.ports import Heard
 from protocols.wire import messages
@@ -27,10 +29,11 @@ from protocols.wire.messages import (
     Wait,
     Welcome,
 )
-from protocols.wire.sensed import Sensed, SensedReader, empty_sensed
+from protocols.wire.sensed import SensedPacker, SensedReader, empty_sensed
 from protocols.wire.status import AgentStatus
 
 _LISTEN_S = 0.2
+_ROOM = 32_768  # bytes of a message, at first
 _LOOKS = 5  # that bring nothing: then it says that it is there, and is asked again what was lost on the way
 _MOST_LOOKS = 1000  # and no more: the pipe to a world that is stopped is not to fill up
 
@@ -55,20 +58,28 @@ class Link(Protocol):
     def cast(self, payload: bytes) -> bool: ...
 
 
+_NOTHING = messages.make_tick(0, 0, -1, SensedPacker(empty_sensed(1)).pack(0))._replace(tick=-1)
+
+
 class RelayedWorld:
     """Body and radio (agent.ports) of the drone that is flown by process number ``process``."""
 
     def __init__(self, process: int) -> None:
         self._process = process
-        self._sensed = empty_sensed(1)
-        self._reader = SensedReader(self._sensed)
-        self._asked = Tick(-1, 0, -1, (b"", b"", b""), b"", [])
+        self.sensed = empty_sensed(1)
+        self._reader = SensedReader(self.sensed)
+        self._make_room(_ROOM)
+        self._asked = _NOTHING
         self._begun = True
         self._command, self._slot = (0.0, 0.0), 0
         self._frame: bytes | None = None
         self._status: AgentStatus | None = None
         self._told = -1  # the tick of the first reply that told it
         self._foresight = Foresight()
+
+    def _make_room(self, size: int) -> None:
+        self._heard = np.zeros(size, np.uint8)
+        self._heard_bytes = self._heard.data
 
     @property
     def tick(self) -> int:
@@ -78,8 +89,12 @@ class RelayedWorld:
     def take(self, asked: Tick) -> None:
         """Begin the tick for which this was sent; frames of one that it overtakes are heard with its own."""
         if not self._begun:
+            missed = self._asked
             asked = asked._replace(
-                sources=self._asked.sources + asked.sources, heard=self._asked.heard + asked.heard
+                heard=missed.heard + asked.heard,
+                data=asked.data[: asked.heard_at]
+                + missed.data[missed.heard_at :]
+                + asked.data[asked.heard_at :],
             )
         self._asked, self._frame, self._begun = asked, None, False
         if asked.followed >= self._told:
@@ -87,27 +102,32 @@ class RelayedWorld:
 
     def reply(self) -> Reply:
         """What the drone has done since."""
-        asked = self._asked
-        return Reply(
-            self._process, asked.tick, asked.proof, *self._command, self._slot, self._frame, self._status
-        )
+        asked, (ax, ay) = self._asked, self._command
+        return Reply(self._process, asked.tick, asked.proof, ax, ay, self._slot, self._frame, self._status)
 
     def farewell(self, status: AgentStatus) -> Farewell:
         """The drone's last word."""
         return Farewell(self._process, status)
 
-    def sense(self) -> Sensed:
-        self._reader.read(self._asked.sensed)
-        self._foresight.move_on(self._asked.tick, self._asked.followed, self._sensed)
+    def sense(self) -> None:
+        asked = self._asked
+        self._reader.read(asked.data, messages.TICK_HEAD.size, asked.near, asked.obstacles)
+        self._foresight.move_on(asked.tick, asked.followed, self.sensed)
         self._begun = True
-        return self._sensed
 
     def fly(self, ax: float, ay: float) -> None:
         self._command = ax, ay
         self._foresight.remember(self._asked.tick, ax, ay)
 
     def hear(self) -> Heard:
-        return Heard(self._asked.sources, self._asked.heard)
+        asked = self._asked
+        if asked.heard:
+            size = len(asked.data)
+            if size > len(self._heard):
+                self._make_room(2 * size)
+            self._heard_bytes[:size] = asked.data
+            return Heard(self._heard, asked.heard_at, size, asked.heard)
+        return Heard(self._heard, 0, 0, 0)
 
     def say(self, frame: bytes) -> None:
         self._frame = frame

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from agent.memory import discs_of, neighbours_of
 from agent.observation import aim_of
 from agent.policy.analytic_kernel import analytic
-from agent.policy.base import Seen
+from agent.policy.base import Compiled
 from agent.tick_arrays import TickArrays
 from protocols.kernels import kernel
 from protocols.mission.document import Mission
@@ -25,17 +25,13 @@ def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
             )
 
 
-class Analytic:
-    """Steers to the slot around obstacles and neighbours, without learning and without planning ahead."""
-
-    many_flights = True
+class Analytic(Compiled):
+    """Steers to the slot around obstacles and neighbours, without learning and without planning ahead; remembers the side on
+    which each obstacle is passed.
+    """
 
     def __init__(self, mission: Mission) -> None:
-        self._wanted = np.zeros((0, 2))
+        pass
 
-    def act(self, seen: Seen) -> NDArray[np.float64]:
-        """Wanted acceleration (A, 2) m/s^2; remembers the side on which each obstacle is passed."""
-        if len(self._wanted) != len(seen.awake):
-            self._wanted = np.zeros((len(seen.awake), 2))
-        _act(seen.arrays, self._wanted)
-        return self._wanted
+    def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
+        _act(arrays, wanted)

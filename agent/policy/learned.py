@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agent.control.follow import following_of
 from agent.policy import session
-from agent.policy.base import PolicyError, Seen
+from agent.policy.base import Compiled, PolicyError
 from agent.policy.learned_kernel import (
     Planner,
     ask_or_fly,
@@ -22,6 +22,7 @@ from agent.policy.learned_kernel import (
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, note_of, read_model
+from agent.tick_arrays import TickArrays
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
@@ -30,10 +31,8 @@ _OUTPUTS = ["displacement", "acceleration"]
 _ROWS = 32  # asked in one call; more would no longer fit the processor's caches
 
 
-class Learned:
+class Learned(Compiled):
     """Flies what the model plans. A row's plan depends on nothing but that row, however many are hosted together."""
-
-    many_flights = True
 
     def __init__(self, mission: Mission, path: Path) -> None:
         """Read and check the model file; nothing is opened yet.
@@ -60,14 +59,14 @@ class Learned:
         self._following = following
         self._inputs = [name for name in ("own", "heard", "share", "target", "extra") if name in facts.shapes]
         self._session: Any = None
-        self._make_room(0)
+        self._make_room(np.zeros((0, 2)))
 
-    def _make_room(self, rows: int) -> None:
-        facts = self.model.facts
+    def _make_room(self, wanted: NDArray[np.float64]) -> None:
+        facts, rows = self.model.facts, len(wanted)
         self._history = empty_history(rows, facts.past, facts.neighbours)
         self._question = empty_question(rows, facts.past, facts.neighbours)
         self._plans = empty_plans(rows, facts.horizon)
-        self._wanted = np.zeros((rows, 2))
+        self._wanted = wanted
         self._planner = by_reference(
             Planner(self._replan, self._following, self._history, self._question, self._plans, self._wanted)
         )
@@ -83,25 +82,23 @@ class Learned:
         except RuntimeError as error:
             raise PolicyError(f"policy: {self.model.path}: cannot be run ({error})") from None
 
-    def act(self, seen: Seen) -> NDArray[np.float64]:
-        """Wanted acceleration (A, 2) m/s^2; rows that are due plan anew."""
-        rows = len(seen.awake)
-        if len(self._plans.made_at) != rows:
-            self._make_room(rows)
-        due = ask_or_fly(seen.tick, seen.arrays, self._planner)
+    def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
+        """As the base class; rows that are due plan anew."""
+        if wanted is not self._wanted:
+            self._make_room(wanted)
+        due = ask_or_fly(tick, arrays, self._planner)
         if due:
             for first in range(0, due, _ROWS):
-                self._plan(seen, first, min(first + _ROWS, due))
-            fly_plans(seen.tick, seen.arrays, self._planner)
-        return self._wanted
+                self._plan(tick, arrays, first, min(first + _ROWS, due))
+            fly_plans(tick, arrays, self._planner)
 
-    def _plan(self, seen: Seen, first: int, end: int) -> None:
+    def _plan(self, tick: int, arrays: TickArrays, first: int, end: int) -> None:
         inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}
         if self._session:
             displacement, acceleration = self._session.run(_OUTPUTS, inputs)
         else:
             displacement = acceleration = np.zeros((end - first, self.model.facts.horizon, 2), np.float32)
-        take_plans(seen.tick, first, seen.arrays, self._planner, displacement, acceleration)
+        take_plans(tick, first, arrays, self._planner, displacement, acceleration)
 
     def forget(self, row: int) -> None:
         """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""

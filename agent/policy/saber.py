@@ -11,7 +11,7 @@ from agent.control.attraction import attraction
 from agent.control.flocking import Flocking, flocking, flocking_for
 from agent.memory import discs_of, neighbours_of
 from agent.observation import aim_of
-from agent.policy.base import Seen
+from agent.policy.base import Compiled
 from agent.tick_arrays import TickArrays
 from protocols.dynamics import vector
 from protocols.kernels import kernel
@@ -34,16 +34,11 @@ def _act(arrays: TickArrays, gains: Flocking, wanted: NDArray[np.float64]) -> No
         wanted[row, 0], wanted[row, 1] = flock_x + form_x, flock_y + form_y
 
 
-class Saber:
+class Saber(Compiled):
     """Flocks at the formation's spacing with all neighbours in sight, and is drawn to its slot as ``analytic`` is."""
-
-    many_flights = True
 
     def __init__(self, mission: Mission) -> None:
         self._gains = flocking_for(mission)
 
-    def act(self, seen: Seen) -> NDArray[np.float64]:
-        """Wanted acceleration (A, 2) m/s^2."""
-        wanted = np.zeros((len(seen.awake), 2))
-        _act(seen.arrays, self._gains, wanted)
-        return wanted
+    def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
+        _act(arrays, self._gains, wanted)

@@ -5,65 +5,125 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.ports import Heard
 from agent.radio.air import Air
 from protocols.kernels import by_reference, kernel
 from protocols.wire import messages
-from protocols.wire.frames import REASONS, FrameError, Frames, fault
+from protocols.wire.frames import KNOWN_BYTES, REASONS, Frames, fault, read_frame
+from protocols.wire.heard import ENTRY_BYTES
 
 _OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
+_MALFORMED, _WRONG_SENDER = REASONS.index("malformed"), REASONS.index("sender")
 
 
 class _Ears(NamedTuple):
-    """What `_sift` works on: frames heard, the rows of those that are believed (MAX_HEARD,), how many are not, per `REASONS`."""
+    """What `_listen` works on.
 
+    data: what is heard. believed: (MAX_HEARD,) the rows of frames that are. rejected: how many are not, per `REASONS`. note:
+    (MAX_HEARD, 2) where in ``data`` the note of a loud row lies, and its size.
+    """
+
+    me: int
+    tag: int
+    agents: int
+    data: NDArray[np.uint8]
     frames: Frames
     believed: NDArray[np.int64]
     rejected: NDArray[np.int64]
+    note: NDArray[np.int64]
 
 
 @kernel
-def _sift(tick: int, heard: int, agents: int, ears: _Ears) -> int:
-    """Put those of the first ``heard`` rows that may be believed into ``believed``, count the others; how many are believed."""
-    frames, believed, rejected = ears.frames, ears.believed, ears.rejected
-    good = 0
-    for row in range(heard):
-        reason = fault(frames, row, tick, _OLDEST_FRAME, agents)
+def _listen(tick: int, at: int, end: int, count: int, ears: _Ears) -> int:
+    """Read ``count`` frames that lie in ``data`` from ``at`` to ``end`` (protocols.wire.heard) into rows, put those that may be
+    believed into ``believed`` and count the others.
+
+    Returns:
+        How many are believed; if there are loud ones among them, whose notes are still to be read, -1 minus that.
+    """
+    data, frames, rejected = ears.data, ears.frames, ears.rejected
+    good, loud = 0, False
+    for _ in range(count):
+        if good == ears.believed.shape[0]:
+            break
+        if at + ENTRY_BYTES > end:
+            rejected[_MALFORMED] += 1
+            break
+        source = np.int64(data[at]) + 256 * np.int64(data[at + 1])
+        size = int(np.int64(data[at + 2]) + 256 * np.int64(data[at + 3]))
+        at += ENTRY_BYTES
+        if at + size > end:
+            rejected[_MALFORMED] += 1
+            break
+        reason = read_frame(data, at, size, ears.tag, frames, good)
+        sender = np.int64(frames.sender[good])
+        if reason < 0 and (sender != source or sender == ears.me):
+            reason = _WRONG_SENDER
+        if reason < 0:
+            reason = fault(frames, good, tick, _OLDEST_FRAME, ears.agents)
         if reason >= 0:
             rejected[reason] += 1
         else:
-            believed[good] = row
+            if frames.loud[good]:
+                loud = True
+                whole = frames.fixed_bytes.shape[1] + KNOWN_BYTES * np.int64(frames.known_count[good])
+                ears.note[good, 0], ears.note[good, 1] = at + whole, size - whole
+            ears.believed[good] = good
             good += 1
-    return good
+        at += size
+    return -1 - good if loud else good
 
 
 class Hearing:
-    """The ears of drone ``me`` of ``agents``, which fill the first rows of ``air``."""
+    """The ears of drone ``me`` of ``agents``, which fill the first rows of ``air``.
+
+    Attributes:
+        believed: (MAX_HEARD,) the rows of the frames of this tick that may be believed, as many as `hear` says.
+    """
 
     def __init__(self, air: Air, me: int, agents: int) -> None:
         self._air, self._me, self._agents = air, me, agents
-        self._believed = np.zeros(messages.MAX_HEARD, np.int64)
+        self.believed = np.zeros(messages.MAX_HEARD, np.int64)
         self._rejected = np.zeros(len(REASONS), np.int64)
-        self._ears = by_reference(_Ears(air.frames, self._believed, self._rejected))
+        self._note = np.zeros((messages.MAX_HEARD, 2), np.int64)
+        self._listen_to(np.zeros(0, np.uint8))
+
+    def _listen_to(self, data: NDArray[np.uint8]) -> None:
+        self._data, air = data, self._air
+        self._ears = by_reference(
+            _Ears(
+                self._me, air.tag, self._agents, data, air.frames, self.believed, self._rejected, self._note
+            )
+        )
 
     @property
     def rejected(self) -> dict[str, int]:
         """Frames dropped so far, by reason."""
         return dict(zip(REASONS, self._rejected.tolist(), strict=True))
 
-    def hear(self, tick: int, sources: bytes, heard: list[bytes]) -> NDArray[np.int64]:
-        """The rows of the frames that may be believed; ``sources[i]`` sent ``heard[i]``.
+    def hear(self, tick: int, heard: Heard) -> int:
+        """How many of the frames may be believed, now in the rows ``believed``.
 
         Bad frames, and those in which a drone speaks in another's name, are counted and dropped.
         """
-        row, unpack, me = 0, self._air.unpack, self._me
-        for source, data in zip(sources[: messages.MAX_HEARD], heard, strict=False):
-            try:
-                sender = unpack(data, row)
-                if sender != source or sender == me:
-                    raise FrameError("sender")
-            except FrameError as error:
-                self._rejected[REASONS.index(error.reason)] += 1
-                continue
-            row += 1
-        good = _sift(tick, row, self._agents, self._ears)
-        return self._believed[:good]
+        data, at, end, count = heard
+        if not count:
+            return 0
+        if data is not self._data:
+            self._listen_to(data)
+        good = _listen(tick, at, end, count, self._ears)
+        return good if good >= 0 else self._read_notes(-1 - good)
+
+    def _read_notes(self, good: int) -> int:
+        kept = 0
+        for row in self.believed[:good].tolist():
+            if self._air.frames.loud[row]:
+                at, size = self._note[row].tolist()
+                try:
+                    self._air.read_note(row, self._data[at : at + size].tobytes())
+                except Exception:  # whatever its bytes do to their reader, they cost no more than one frame
+                    self._rejected[_MALFORMED] += 1
+                    continue
+            self.believed[kept] = row
+            kept += 1
+        return kept

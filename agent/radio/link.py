@@ -121,8 +121,8 @@ class AgentLink(Closing):
         _check_certificates(checked_endpoint(endpoint), login)
         self._session = _open_unless(leaving, endpoint, login, connect_timeout_s)
         try:
-            # All that comes goes into this one channel without passing through Python: what the world says, datagrams, and a beat,
-            # by which a wait ends.
+            # All that comes goes into this one channel without passing through Python: what the world says, datagrams, and a
+            # beat, by which a wait ends.
             heard = keys.rx(login.swarm, login.agent)
             self._heard = self._session.declare_subscriber(heard, zenoh.handlers.FifoChannel(_MOST_WAITING))
             self._own = self._session.declare_publisher(
@@ -174,7 +174,7 @@ class AgentLink(Closing):
         return self._datagrams is not None and self._datagrams.send(payload)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """The next message, oldest first; None when none comes in ``timeout_s``, a little more or less (0: do not wait)."""
+        """The next message, oldest first; None when none comes in about ``timeout_s`` (0: do not wait)."""
         until = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
         self._waits = timeout_s > 0.0
         while True:

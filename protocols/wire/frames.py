@@ -1,12 +1,13 @@
 """The broadcast frame: what a drone tells every drone in radio range, as rows of arrays and on the wire.
 
-On the wire a frame is one msgpack array
+On the wire a frame is
 
-    [VERSION, swarm tag, fixed part, known ids, known displacements, slot note]
+    one FIXED record | numbers of the known drones | their displacements | slot note
 
-where the fixed part is one `FIXED` record, the displacements are float32 pairs, and the slot note is protocols.slots.agreement's.
-A receiver checks everything before it believes anything; `FrameError.reason` is one of `REASONS`, and a bad frame is
-counted and dropped.
+where the record says how many drones are known, the numbers are 16 bits each, the displacements pairs of float32, and the slot
+note, as msgpack, is there only if the record says that it is ``loud`` (protocols.slots.notes); a quiet, settled note is no more
+than the record's ``digest``.
+A receiver checks everything before it believes anything; a bad frame is counted by one of `REASONS` and dropped.
 
 Rows of `Frames` are the decoded form. Drones in one process share the rows instead of packing them, and see exactly
 what the wire would have carried: every field is stored in its wire type.
@@ -14,16 +15,15 @@ what the wire would have carried: every field is stored in its wire type.
 
 import math
 import zlib
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel
 from protocols.wire.rows import bytes_of
 
-VERSION = 1
+VERSION = 2
 MAX_FRAME_BYTES = 1536
 MAX_KNOWN = 64  # drones one frame can give displacements of
 OBSERVATION_SIZE = 18
@@ -33,32 +33,30 @@ AGE_UNIT_TICKS = 10
 AGE_NEVER = 255
 
 REASONS = ("oversized", "malformed", "version", "foreign", "sender", "stale", "non-finite")
-_MALFORMED, _WRONG_SENDER, _STALE, _NON_FINITE = (
-    REASONS.index(reason) for reason in ("malformed", "sender", "stale", "non-finite")
-)
+_OVERSIZED, _MALFORMED, _VERSION, _FOREIGN, _WRONG_SENDER, _STALE, _NON_FINITE = range(len(REASONS))
 
+#: tick: of sending. digest: of the sender's swap set. motion: p [m], v [m/s] in the common local frame. observation: the paper's
+#: X_i. ages: x 0.1 s since anyone the sender listens to heard drone age_from, age_from + 1, ... one_hop: so many of the known
+#: drones, the first, are the sender's own neighbours, the rest two hops off.
 FIXED = np.dtype(
     [
+        ("version", "u1"),
+        ("loud", "u1"),
+        ("tag", "<u2"),
         ("tick", "<u4"),
-        ("motion", "<f4", (4,)),  # p [m], v [m/s] in the common local frame
-        ("observation", "<i2", (OBSERVATION_SIZE,)),  # the paper's X_i
-        (
-            "ages",
-            "u1",
-            (AGE_WINDOW,),
-        ),  # x 0.1 s since anyone the sender listens to heard drone age_from, age_from+1, ...
-        ("sender", "u1"),
-        ("slot", "u1"),
-        (
-            "one_hop",
-            "u1",
-        ),  # the first one_hop of the known drones are the sender's own neighbours, the rest two hops off
+        ("digest", "<u8"),
+        ("motion", "<f4", (4,)),
+        ("observation", "<i2", (OBSERVATION_SIZE,)),
+        ("ages", "u1", (AGE_WINDOW,)),
+        ("sender", "<u2"),
+        ("slot", "<u2"),
+        ("age_from", "<u2"),
+        ("one_hop", "u1"),
         ("known_count", "u1"),
-        ("age_from", "u1"),
     ]
 )
-assert FIXED.fields is not None
-_SIZE, _SENDER, _COUNT = FIXED.itemsize, FIXED.fields["sender"][1], FIXED.fields["known_count"][1]
+KNOWN_BYTES = 2 + 8  # of one known drone
+_SIZE = FIXED.itemsize
 
 
 class FrameError(ValueError):
@@ -70,41 +68,48 @@ class FrameError(ValueError):
 
 
 class Frames(NamedTuple):
-    """Rows of frames. ``fixed`` holds the records; the arrays after it are views of its fields for the kernels.
+    """Rows of frames. ``fixed`` holds the records; the arrays after it, to ``known_count``, are views of its fields for kernels.
 
-    known: (R, MAX_KNOWN) agent numbers the sender gives displacements of, nearest hop first.
-    displacement: (R, MAX_KNOWN, 2) metres, that drone minus the sender.
-    digest: (R,) of the sender's swap set; loud: (R,) whether its note says more than the digest.
+    loud: whether the note says more than the digest. known: (R, MAX_KNOWN) agent numbers the sender gives displacements of,
+    nearest hop first. displacement: (R, MAX_KNOWN, 2) metres, that drone minus the sender.
+    *_bytes: (R, ...) the same as they travel.
     """
 
     fixed: NDArray[np.void]
+    version: NDArray[np.uint8]
+    loud: NDArray[np.uint8]
+    tag: NDArray[np.uint16]
     tick: NDArray[np.uint32]
+    digest: NDArray[np.uint64]
     motion: NDArray[np.float32]
     observation: NDArray[np.int16]
     ages: NDArray[np.uint8]
-    sender: NDArray[np.uint8]
-    slot: NDArray[np.uint8]
+    sender: NDArray[np.uint16]
+    slot: NDArray[np.uint16]
+    age_from: NDArray[np.uint16]
     one_hop: NDArray[np.uint8]
     known_count: NDArray[np.uint8]
-    age_from: NDArray[np.uint8]
-    known: NDArray[np.uint8]
+    known: NDArray[np.uint16]
     displacement: NDArray[np.float32]
-    digest: NDArray[np.uint64]
-    loud: NDArray[np.uint8]
+    fixed_bytes: NDArray[np.uint8]
+    known_bytes: NDArray[np.uint8]
+    displacement_bytes: NDArray[np.uint8]
 
 
-def empty_frames(rows: int) -> Frames:
-    """Room for ``rows`` frames."""
+def empty_frames(rows: int, tag: int = 0) -> Frames:
+    """Room for ``rows`` frames of the swarm with this ``tag``."""
     fixed = np.zeros(rows, FIXED)
+    fixed["version"], fixed["tag"] = VERSION, tag
+    known, displacement = np.zeros((rows, MAX_KNOWN), np.uint16), np.zeros((rows, MAX_KNOWN, 2), np.float32)
     assert FIXED.names is not None
-    views = {name: fixed[name] for name in FIXED.names}
     return Frames(
         fixed=fixed,
-        **views,
-        known=np.zeros((rows, MAX_KNOWN), np.uint8),
-        displacement=np.zeros((rows, MAX_KNOWN, 2), np.float32),
-        digest=np.zeros(rows, np.uint64),
-        loud=np.zeros(rows, np.uint8),
+        **{name: fixed[name] for name in FIXED.names},
+        known=known,
+        displacement=displacement,
+        fixed_bytes=fixed.view(np.uint8).reshape(rows, _SIZE),
+        known_bytes=known.view(np.uint8),
+        displacement_bytes=displacement.reshape(rows, -1).view(np.uint8),
     )
 
 
@@ -113,50 +118,69 @@ def swarm_tag(swarm: str) -> int:
     return zlib.crc32(swarm.encode()) & 0xFFFF
 
 
-class FrameCodec:
-    """Rows of frames to and from the wire, by copying bytes: the records are the wire's own."""
+class FrameWriter:
+    """Rows of frames as they travel, by copying bytes: the records are the wire's own."""
 
-    def __init__(self, tag: int, frames: Frames) -> None:
-        self._tag = tag
+    def __init__(self, frames: Frames) -> None:
         self._fixed, self._known = bytes_of(frames.fixed), bytes_of(frames.known)
-        self._displacement = bytes_of(frames.displacement)
+        self._displacement, self._count = bytes_of(frames.displacement), frames.known_count
 
-    def encode(self, row: int, note: Any) -> bytes:
-        """The bytes of one row; ``note`` is an encoded slot note (protocols.slots.agreement)."""
-        fixed = self._fixed[row * _SIZE : (row + 1) * _SIZE].tobytes()
-        start = row * MAX_KNOWN
-        end = start + fixed[_COUNT]
-        known = self._known[start:end].tobytes()
-        displacement = self._displacement[8 * start : 8 * end].tobytes()
-        packed: bytes = msgpack.packb((VERSION, self._tag, fixed, known, displacement, note))
-        return packed
+    def write(self, row: int, note: bytes = b"") -> bytes:
+        """The bytes of one row; ``note``: its slot note, if the row is loud."""
+        count, start = int(self._count[row]), row * MAX_KNOWN
+        return (
+            self._fixed[row * _SIZE : (row + 1) * _SIZE].tobytes()
+            + self._known[2 * start : 2 * (start + count)].tobytes()
+            + self._displacement[8 * start : 8 * (start + count)].tobytes()
+            + note
+        )
 
-    def decode(self, data: bytes, row: int) -> tuple[int, Any]:
-        """Write a frame into ``row``; return its sender and its slot note. What it says is still to be checked (`fault`).
 
-        Raises:
-            FrameError: it is no frame of this swarm; the row is then not to be used.
-        """
-        if len(data) > MAX_FRAME_BYTES:
-            raise FrameError("oversized")
-        try:
-            version, tag, fixed, known, displacement, note = msgpack.unpackb(data)
-            if version != VERSION:
-                raise FrameError("version")
-            if tag != self._tag:
-                raise FrameError("foreign")
-            self._fixed[row * _SIZE : (row + 1) * _SIZE] = fixed
-            count = fixed[_COUNT]
-            if count > MAX_KNOWN:
-                raise FrameError("malformed")
-            start = row * MAX_KNOWN
-            self._known[start : start + count] = known
-            self._displacement[8 * start : 8 * (start + count)] = displacement
-        except FrameError:
-            raise
-        except (ValueError, TypeError, msgpack.exceptions.UnpackException) as error:
-            raise FrameError("malformed") from error
-        return fixed[_SENDER], note
+class Frame(NamedTuple):
+    """A frame on the wire, in its four parts."""
+
+    fixed: bytes
+    known: bytes
+    displacement: bytes
+    note: bytes
+
+
+def parts_of(data: bytes) -> Frame:
+    """A frame as `FrameWriter` writes it, in its parts. Not for what anybody may have sent."""
+    fixed = np.frombuffer(data, FIXED, 1)[0]
+    known = _SIZE + 2 * int(fixed["known_count"])
+    note = _SIZE + KNOWN_BYTES * int(fixed["known_count"])
+    return Frame(data[:_SIZE], data[_SIZE:known], data[known:note], data[note:])
+
+
+@inlined_kernel
+def read_frame(data: NDArray[np.uint8], at: int, size: int, tag: int, frames: Frames, row: int) -> int:
+    """Write the frame in ``size`` bytes of ``data`` from ``at`` on into ``row``; what it says is still to be checked (`fault`),
+    and so is the note behind it, if it is loud.
+
+    Returns:
+        Why it is no frame of this swarm, as an index of `REASONS`; -1 if it is one.
+    """
+    if size > MAX_FRAME_BYTES:
+        return _OVERSIZED
+    if size < _SIZE:
+        return _MALFORMED
+    for place in range(_SIZE):
+        frames.fixed_bytes[row, place] = data[at + place]
+    count = np.int64(frames.known_count[row])
+    if frames.version[row] != VERSION:
+        return _VERSION
+    if frames.tag[row] != tag:
+        return _FOREIGN
+    known, displacement = at + _SIZE, at + _SIZE + 2 * count
+    whole, loud = _SIZE + KNOWN_BYTES * count, frames.loud[row]
+    if count > MAX_KNOWN or loud > 1 or size < whole or (size > whole) != (loud == 1):
+        return _MALFORMED
+    for place in range(2 * count):
+        frames.known_bytes[row, place] = data[known + place]
+    for place in range(8 * count):
+        frames.displacement_bytes[row, place] = data[displacement + place]
+    return -1
 
 
 @inlined_kernel

@@ -1,4 +1,5 @@
-"""What the world and a drone's process say to each other over Zenoh: one msgpack array each, kind first, then its fields.
+"""What the world and a drone's process say to each other over Zenoh. Tick and Reply, said a hundred times a second and more, have
+a fixed layout that begins with their mark; the others are one msgpack array each, kind first, then its fields.
 
 drone -> world   Hello     asks to take part, repeated until welcomed
                  Ready     will answer every tick from now on; also the answer to Wait: I am here
@@ -15,16 +16,19 @@ A Reply repeats the number ``proof`` that the world has drawn for its Tick: so t
 the pipe to one who answers without reading.
 """
 
+import struct
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import msgpack
 
 from protocols.dynamics import ABSURD_MPS2
 from protocols.wire.frames import MAX_FRAME_BYTES
-from protocols.wire.sensed import Packed
+from protocols.wire.heard import pack_heard, unpack_heard
+from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES, Packed
 from protocols.wire.status import AgentStatus, parse_status
 
-VERSION = 6
+VERSION = 7
 WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
 SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
@@ -32,9 +36,18 @@ SILENCE_LIMIT_S = (
 MAX_HEARD = 1024  # frames one drone can be handed in one tick: of 249 others, some late and some twice
 FLIGHT_BYTES = 8
 MAX_PROCESS = MAX_PROOF = 2**32 - 1
+MAX_TICK = 2**31 - 1
 MAX_FROM_DRONE = 4096  # bytes: the longest frame, the account of one of 250 drones, and some room
 # What a drone says holds lists of numbers and byte strings, and nothing else.
 _FROM_DRONE = {"max_array_len": 16, "max_map_len": 0, "max_ext_len": 0, "max_str_len": 0}
+
+# No msgpack array begins like these.
+TICK_MARK, REPLY_MARK = ord("T"), ord("R")
+#: Mark, obstacles sensed, neighbours sensed, tick, proof, followed, frames heard; then what is sensed (protocols.wire.sensed),
+#: then the frames (protocols.wire.heard).
+TICK_HEAD = struct.Struct("<BBHIIiI")
+#: Mark, process, tick, proof, slot, bytes of the frame, bytes of the account, ax, ay; then the frame, then the account.
+_REPLY_HEAD = struct.Struct("<BxxxIIIHHHxxdd")
 
 
 class MessageError(ValueError):
@@ -83,14 +96,26 @@ class Welcome(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """``sources[i]`` sent ``heard[i]``. ``followed``: the tick of the Reply by which the drone flies now; -1: none yet."""
+    """``followed``: the tick of the Reply by which the drone flies now; -1: none yet. ``near``, ``obstacles``, ``heard``: how
+    many neighbours and obstacles it senses and frames it hears, which are in ``data``, the whole message.
+    """
 
     tick: int
     proof: int
     followed: int
-    sensed: Packed
-    sources: bytes
-    heard: list[bytes]
+    near: int
+    obstacles: int
+    heard: int
+    data: bytes
+
+    @property
+    def heard_at(self) -> int:
+        """Where in ``data`` the frames begin."""
+        return _heard_at(self.near, self.obstacles)
+
+    def frames(self) -> list[tuple[int, bytes]]:
+        """What is heard, as far as it is whole: source and frame."""
+        return list(unpack_heard(self.data[self.heard_at :], self.heard))
 
 
 class Wait(NamedTuple):
@@ -108,21 +133,95 @@ class Refused(NamedTuple):
 
 FromDrone = Hello | Ready | Reply | Farewell
 FromWorld = Welcome | Tick | Wait | Bye | Refused
-_KINDS: tuple[type, ...] = (Hello, Ready, Reply, Farewell, Welcome, Tick, Wait, Bye, Refused)
+_KINDS: tuple[type, ...] = (Hello, Ready, Farewell, Welcome, Wait, Bye, Refused)
 _NUMBER = {kind: number for number, kind in enumerate(_KINDS)}
 
 
+def _heard_at(near: int, obstacles: int) -> int:
+    return TICK_HEAD.size + OWN_BYTES + near * NEIGHBOUR.itemsize + obstacles * DISC.itemsize
+
+
+def make_tick(
+    tick: int,
+    proof: int,
+    followed: int,
+    sensed: Packed,
+    sources: Sequence[int] = (),
+    heard: Sequence[bytes] = (),
+) -> Tick:
+    """A Tick of these parts: ``sources[i]`` sent ``heard[i]``."""
+    near, obstacles = len(sensed[1]) // NEIGHBOUR.itemsize, len(sensed[2]) // DISC.itemsize
+    head = TICK_HEAD.pack(TICK_MARK, obstacles, near, tick, proof, followed, len(heard))
+    data = head + b"".join(sensed) + pack_heard(zip(sources, heard, strict=True))
+    return Tick(tick, proof, followed, near, obstacles, len(heard), data)
+
+
 def pack(message: FromDrone | FromWorld) -> bytes:
-    """One message."""
+    """One message.
+
+    Raises:
+        struct.error: a Reply of numbers that have no room in it.
+    """
+    if isinstance(message, Reply):
+        return _pack_reply(message)
+    if isinstance(message, Tick):
+        return message.data
     packed: bytes = msgpack.packb((_NUMBER[type(message)], *message))
     return packed
 
 
-def _unpack(data: bytes, **limits: int) -> tuple[type, list[Any]]:
+def _pack_reply(reply: Reply) -> bytes:
+    process, tick, proof, ax, ay, slot, frame, status = reply
+    frame, account = frame or b"", b"" if status is None else msgpack.packb(status)
+    return (
+        _REPLY_HEAD.pack(REPLY_MARK, process, tick, proof, slot, len(frame), len(account), ax, ay)
+        + frame
+        + account
+    )
+
+
+def _unpack_reply(data: bytes, agents: int) -> Reply:
+    if len(data) < _REPLY_HEAD.size:
+        raise MessageError("Reply: too short")
+    _, process, tick, proof, slot, frame_size, account_size, ax, ay = _REPLY_HEAD.unpack_from(data)
+    account_at = _REPLY_HEAD.size + frame_size
+    if account_at + account_size != len(data):
+        raise MessageError("Reply: not as long as it says")
+    if slot >= agents or tick > MAX_TICK:
+        raise MessageError("Reply: no such slot or tick")
+    if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
+        raise MessageError("not a command")
+    frame = data[_REPLY_HEAD.size : account_at] if 0 < frame_size <= MAX_FRAME_BYTES else None
+    status = _status(_msgpack(data[account_at:], **_FROM_DRONE), agents) if account_size else None
+    return Reply(process, tick, proof, ax, ay, slot, frame, status)
+
+
+def _unpack_tick(data: bytes) -> Tick:
+    if len(data) < TICK_HEAD.size:
+        raise MessageError("Tick: too short")
+    _, obstacles, near, tick, proof, followed, heard = TICK_HEAD.unpack_from(data)
+    if (
+        near > MAX_NEAR
+        or obstacles > MAX_OBSTACLES
+        or tick > MAX_TICK
+        or _heard_at(near, obstacles) > len(data)
+    ):
+        raise MessageError("not a tick")
+    return Tick(tick, proof, followed, near, obstacles, heard, data)
+
+
+def _msgpack(data: bytes, **limits: int) -> Any:
     try:
-        number, *fields = msgpack.unpackb(data, **limits)
+        return msgpack.unpackb(data, **limits)
     except Exception as error:  # whatever these bytes do to their reader
         raise MessageError(f"not a message of this protocol ({type(error).__name__})") from error
+
+
+def _unpack(data: bytes, **limits: int) -> tuple[type, list[Any]]:
+    whole = _msgpack(data, **limits)
+    if type(whole) is not list or not whole:
+        raise MessageError("a message is a list")
+    number, *fields = whole
     if type(number) is not int or not 0 <= number < len(_KINDS):
         raise MessageError("unknown kind of message")
     kind = _KINDS[number]
@@ -158,38 +257,15 @@ def unpack_from_drone(data: bytes, agents: int) -> FromDrone:
     """
     if len(data) > MAX_FROM_DRONE:
         raise MessageError(f"{len(data)} bytes")
+    if data and data[0] == REPLY_MARK:
+        return _unpack_reply(data, agents)
     kind, fields = _unpack(data, **_FROM_DRONE)
     if kind is Hello and type(fields[0]) is int:
         return Hello(fields[0], _whole(fields[1], MAX_PROCESS, "a process"))
-    if kind not in (Ready, Reply, Farewell):
+    if kind not in (Ready, Farewell):
         raise MessageError(f"a drone does not say {kind.__name__}")
     process = _whole(fields[0], MAX_PROCESS, "a process")
-    if kind is Ready:
-        return Ready(process)
-    if kind is Farewell:
-        return Farewell(process, _status(fields[1], agents))
-    _, tick, proof, ax, ay, slot, frame, status = fields
-    if (
-        type(ax) is not float
-        or type(ay) is not float
-        or not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2)
-    ):
-        raise MessageError("not a command")
-    if frame is not None:
-        if type(frame) is not bytes:
-            raise MessageError("a frame is bytes")
-        if len(frame) > MAX_FRAME_BYTES:
-            frame = None
-    return Reply(
-        process,
-        _whole(tick, 2**63, "a tick"),
-        _whole(proof, MAX_PROOF, "a proof"),
-        ax,
-        ay,
-        _whole(slot, agents - 1, "a slot"),
-        frame,
-        None if status is None else _status(status, agents),
-    )
+    return Ready(process) if kind is Ready else Farewell(process, _status(fields[1], agents))
 
 
 def unpack_from_world(data: bytes) -> FromWorld:
@@ -198,23 +274,9 @@ def unpack_from_world(data: bytes) -> FromWorld:
     Raises:
         MessageError: it is not what the world says.
     """
+    if data and data[0] == TICK_MARK:
+        return _unpack_tick(data)
     kind, fields = _unpack(data)
-    if kind is Tick:  # a hundred times a second: no loop over types
-        tick, proof, followed, sensed, sources, heard = fields
-        if (
-            type(tick) is not int
-            or type(proof) is not int
-            or type(followed) is not int
-            or type(sources) is not bytes
-            or type(heard) is not list
-        ):
-            raise MessageError("not a tick")
-        if type(sensed) is not list or len(sensed) != 3:
-            raise MessageError("what is sensed comes in three parts")
-        own, near, obstacles = sensed
-        if type(own) is not bytes or type(near) is not bytes or type(obstacles) is not bytes:
-            raise MessageError("what is sensed is bytes")
-        return Tick(tick, proof, followed, (own, near, obstacles), sources, heard)
     if kind is Welcome:
         _typed(fields, int, dict, bytes, int, bytes, bytes)
         if len(fields[4]) != FLIGHT_BYTES:

@@ -19,6 +19,7 @@ NEIGHBOUR = np.dtype([("number", "<i8"), ("x", "<f8"), ("y", "<f8"), ("vx", "<f8
 #: An obstacle: its centre minus me [m], and its radius [m].
 DISC = np.dtype([("x", "<f8"), ("y", "<f8"), ("radius", "<f8")])
 _VECTOR_BYTES = 2 * 8
+OWN_BYTES = 2 * _VECTOR_BYTES  # own position and velocity
 
 Packed = tuple[bytes, bytes, bytes]
 
@@ -78,27 +79,19 @@ class SensedReader:
     """Writes what `SensedPacker` made into row 0 of a drone's own arrays, by copying bytes."""
 
     def __init__(self, sensed: Sensed) -> None:
-        self._sensed = sensed
+        self._near_count, self._obstacle_count = sensed.near_count.data, sensed.obstacle_count.data
         self._position, self._velocity, self._near, self._obstacles = (
             bytes_of(array[0]) for array in (sensed.position, sensed.velocity, sensed.near, sensed.obstacles)
         )
 
-    def read(self, packed: Packed) -> None:
-        """Take in one tick.
-
-        Raises:
-            ValueError: the byte strings are not whole rows, or too many.
+    def read(self, data: bytes, at: int, near: int, obstacles: int) -> None:
+        """Take in one tick: the three byte strings one after the other in ``data`` from ``at`` on, with so many neighbours and
+        obstacles, no more than have room.
         """
-        own, near, obstacles = packed
-        near_count, near_rest = divmod(len(near), NEIGHBOUR.itemsize)
-        obstacle_count, obstacle_rest = divmod(len(obstacles), DISC.itemsize)
-        whole = len(own) == 2 * _VECTOR_BYTES and not near_rest and not obstacle_rest
-        if not whole or near_count > MAX_NEAR or obstacle_count > MAX_OBSTACLES:
-            raise ValueError(
-                f"{len(own)}, {len(near)} and {len(obstacles)} bytes are not what a drone senses"
-            )
-        self._position[:], self._velocity[:] = own[:_VECTOR_BYTES], own[_VECTOR_BYTES:]
-        self._near[: len(near)] = near
-        self._obstacles[: len(obstacles)] = obstacles
-        self._sensed.near_count[0] = near_count
-        self._sensed.obstacle_count[0] = obstacle_count
+        self._position[:] = data[at : at + _VECTOR_BYTES]
+        self._velocity[:] = data[at + _VECTOR_BYTES : at + OWN_BYTES]
+        near_at, near_bytes = at + OWN_BYTES, near * NEIGHBOUR.itemsize
+        obstacles_at, obstacles_bytes = near_at + near_bytes, obstacles * DISC.itemsize
+        self._near[:near_bytes] = data[near_at : near_at + near_bytes]
+        self._obstacles[:obstacles_bytes] = data[obstacles_at : obstacles_at + obstacles_bytes]
+        self._near_count[0], self._obstacle_count[0] = near, obstacles

@@ -120,7 +120,7 @@ class Batch:
             rules_of(mission),
             shape_of(mission),
             empty_views(rows, agents),
-            empty_work(np.tile(np.arange(agents), worlds), 0),
+            empty_work(np.tile(np.arange(agents), worlds)),
             empty_sensed(rows),
             empty_frames(1),
             empty_memory(rows, 1),

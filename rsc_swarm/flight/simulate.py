@@ -43,7 +43,11 @@ class Simulation:
         self._air = Air(self.mission.swarm, agents, self.world.ring * self._rows)
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
-        self.agents = AgentCore(self.mission, me, initial, self.world.inbox_size, rehearsal=rehearsal)
+        self.agents = AgentCore(self.mission, me, initial, rehearsal=rehearsal)
+        self._heard = np.zeros(self.world.inbox_size, np.int64)
+        self._inputs = Inputs(
+            np.ones(self._rows, np.bool_), self.world.sensed, self._air, self.world.inbox_start, self._heard
+        )
         self._boots = np.zeros(self._rows, np.int64)
         self.director = Director(self.world, self)
 
@@ -74,11 +78,13 @@ class Simulation:
 
     def ask(self, tick: int, inbox: Inbox) -> Answers:
         """Let every drone that is awake decide."""
-        world, (start, arrived) = self.world, inbox
-        heard = (arrived[:, 1].astype(np.int64) % world.ring) * self._rows + arrived[:, 0]
+        world, arrived = self.world, inbox.arrived
+        self._heard[: len(arrived)] = (arrived[:, 1].astype(np.int64) % world.ring) * self._rows + arrived[
+            :, 0
+        ]
         first = (tick % world.ring) * self._rows
-        awake = world.rows_awake
-        said = self.agents.tick(Inputs(tick, awake, world.sensed, self._air, start, heard, first))
+        self._inputs.awake[:] = awake = world.rows_awake
+        said = self.agents.tick(tick, self._inputs, first)
         telling = said.changed
         if self._telling and is_due(tick, changed=False):
             telling = tuple(np.flatnonzero(awake).tolist())

@@ -15,7 +15,7 @@ from protocols.slots.history import Swap, pack_swap
 from protocols.slots.notes import Assignment, SlotNote, encode
 from protocols.slots.seals import Sealed
 from protocols.wire import keys, messages
-from protocols.wire.frames import FIXED, MAX_FRAME_BYTES
+from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, parts_of
 from protocols.wire.messages import Hello, Ready, Reply
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from rsc_swarm.selfcheck.insider import Attack, Turn
@@ -27,14 +27,7 @@ _MOTION, _SENDER, _AGES = (FIXED.fields[name][1] for name in ("motion", "sender"
 
 def nested_note(turn: Turn) -> None:
     """a slot note nested a thousand deep in every frame"""
-    deep = b"\x91" * 1000 + b"\x01"
-    whole = turn.reply.frame
-    if whole is not None:
-        version, tag, fixed, known, displacements, _ = msgpack.unpackb(whole)
-        head = b"".join(map(msgpack.packb, (version, tag, fixed, known, displacements)))
-        turn.answer(frame=(b"\x96" + head + deep)[:MAX_FRAME_BYTES])
-    else:
-        turn.answer()
+    turn.answer_frame(note=b"\x91" * 1000 + b"\x01")
 
 
 def long_messages(turn: Turn) -> None:
@@ -135,7 +128,7 @@ def forged_swaps(turn: Turn) -> None:
     a, b = turn.random.sample([other for other in range(turn.agents) if other != turn.me], 2)
     op = Swap(turn.asked.tick, a, turn.random.randrange(2**40), a, b, b)
     forged = Sealed(op, 2 * turn.seals.seal(pack_swap(op)))
-    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), False, ops=(forged,))))
+    turn.answer_frame(note=_note(SlotNote(turn.random.randrange(2**64), False, ops=(forged,))))
 
 
 def absurd_counter(turn: Turn) -> None:
@@ -143,14 +136,14 @@ def absurd_counter(turn: Turn) -> None:
     other = (turn.me + 1) % turn.agents
     op = Swap(2**56 - 1, turn.me, 1, turn.me, other, other, taken=True)
     swap = Sealed(op, turn.seals.seal(pack_swap(op)))
-    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), False, ops=(swap,))))
+    turn.answer_frame(note=_note(SlotNote(turn.random.randrange(2**64), False, ops=(swap,))))
 
 
 def forged_checkpoint(turn: Turn) -> None:
     """a history of ten thousand swaps, after which all drones change places"""
     slots = tuple(turn.random.sample(range(turn.agents), turn.agents))
     whole = Assignment(slots, 10_000 + turn.asked.tick, turn.me)
-    turn.answer_frame(note=encode(SlotNote(turn.random.randrange(2**64), True, whole=whole)))
+    turn.answer_frame(note=_note(SlotNote(turn.random.randrange(2**64), True, whole=whole)))
 
 
 def forged_permutations(turn: Turn) -> None:
@@ -163,7 +156,7 @@ def forged_permutations(turn: Turn) -> None:
 
 def anothers_name(turn: Turn) -> None:
     """frames in the names of others"""
-    turn.answer_frame(fixed=_patched(turn, _SENDER, bytes([turn.random.randrange(turn.agents)])))
+    turn.answer_frame(fixed=_patched(turn, _SENDER, struct.pack("<H", turn.random.randrange(turn.agents))))
 
 
 def impossible_motion(turn: Turn) -> None:
@@ -189,7 +182,8 @@ def all_alive(turn: Turn) -> None:
 
 def repeats_others(turn: Turn) -> None:
     """it sends what it has heard from others as its own"""
-    turn.answer(frame=turn.random.choice(turn.asked.heard) if turn.asked.heard else turn.reply.frame)
+    heard = [frame for _, frame in turn.asked.frames()]
+    turn.answer(frame=turn.random.choice(heard) if heard else turn.reply.frame)
 
 
 def late(turn: Turn) -> None:
@@ -255,11 +249,14 @@ def _status(turn: Turn, **instead: Any) -> AgentStatus:
     return honest._replace(**instead)
 
 
+def _note(note: SlotNote) -> bytes:
+    packed: bytes = msgpack.packb(encode(note))
+    return packed
+
+
 def _patched(turn: Turn, place: int, data: bytes) -> bytes:
-    """The frame's fixed part with other bytes at ``place``."""
-    fixed: bytes = (
-        msgpack.unpackb(turn.reply.frame)[2] if turn.reply.frame is not None else bytes(FIXED.itemsize)
-    )
+    """The frame's record with other bytes at ``place``."""
+    fixed = parts_of(turn.reply.frame).fixed if turn.reply.frame is not None else bytes(FIXED.itemsize)
     return fixed[:place] + data + fixed[place + len(data) :]
 
 

@@ -9,12 +9,13 @@ from contextlib import suppress
 from random import Random
 from typing import Any, NamedTuple
 
-import msgpack
+import numpy as np
 
 from agent.process import fly, seals_of
 from agent.radio.link import AgentLink
 from protocols.slots.seals import Seals, Stamps
 from protocols.wire import keys, messages
+from protocols.wire.frames import FIXED, parts_of
 from protocols.wire.login import Login
 from protocols.wire.messages import Reply, Tick
 from rsc_swarm.flight.processes import leave_on_sigterm
@@ -44,22 +45,22 @@ class Turn(NamedTuple):
         """Answer honestly, but for these parts of the answer."""
         self.say(messages.pack(self.reply._replace(**instead)))
 
-    def answer_frame(self, **instead: Any) -> None:
-        """Answer honestly, but for these parts of the frame: fixed, known, displacements, note."""
+    def answer_frame(self, **instead: bytes) -> None:
+        """Answer honestly, but for these parts of the frame: fixed, known, displacement, note."""
         self.answer(frame=altered(self.reply.frame, **instead))
 
 
 Attack = Callable[[Turn], None]
-_PARTS = ("version", "tag", "fixed", "known", "displacements", "note")
 
 
-def altered(frame: bytes | None, **instead: Any) -> bytes | None:
-    """This frame with other parts (protocols.wire.frames)."""
+def altered(frame: bytes | None, **instead: bytes) -> bytes | None:
+    """This frame with other parts (protocols.wire.frames); it is loud if it has a note."""
     if frame is None:
         return None
-    parts = dict(zip(_PARTS, msgpack.unpackb(frame), strict=True))
-    packed: bytes = msgpack.packb(list({**parts, **instead}.values()))
-    return packed
+    fixed, *rest = parts_of(frame)._replace(**instead)
+    record = np.frombuffer(fixed, FIXED).copy()
+    record["loud"] = rest[-1] != b""
+    return record.tobytes() + b"".join(rest)
 
 
 class _Turned:
@@ -71,7 +72,7 @@ class _Turned:
         self._link, self._login, self._attack, self._open = link, login, attack, open_
         self._random, self._memory, self._agents = Random(seed), dict[str, Any](), keys.MAX_AGENTS
         self._seals: Seals = Stamps(login.agent)
-        self._asked = Tick(-1, 0, -1, (b"", b"", b""), b"", [])
+        self._asked: Tick | None = None
 
     def receive(self, timeout_s: float) -> bytes | None:
         data = self._link.receive(timeout_s)
@@ -87,7 +88,7 @@ class _Turned:
 
     def send(self, payload: bytes) -> None:
         message = messages.unpack_from_drone(payload, self._agents)
-        if not isinstance(message, Reply):
+        if not isinstance(message, Reply) or self._asked is None:
             self._link.send(payload)
             return
         swarm, me = self._login.swarm, self._login.agent

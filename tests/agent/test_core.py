@@ -34,7 +34,7 @@ def test_depth_counts_the_edges_up_to_the_root() -> None:
 def test_an_unknown_policy_is_refused_when_the_drone_is_made() -> None:
     task = mission(policy="nobody")
     with pytest.raises(PolicyError, match="unknown policy 'nobody'"):
-        AgentCore(task, [0], np.arange(6, dtype=np.int16)[None], 1)
+        AgentCore(task, [0], np.arange(6, dtype=np.int16)[None])
 
 
 @pytest.mark.parametrize(("rate", "every"), [(100, 1), (50, 2), (10, 10)])

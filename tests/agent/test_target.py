@@ -9,7 +9,7 @@ from rsc_swarm.flight.simulate import Simulation
 
 
 def test_the_target_flies_along_x_from_the_origin_at_the_missions_speed() -> None:
-    work = empty_work(np.array([0, 1]), 0)
+    work = empty_work(np.array([0, 1]))
     place_target(250, 1, 3.0, work)
     assert work.target_position.tolist() == [[0.0, 0.0], [7.5, 0.0]]
     assert work.target_velocity.tolist() == [[0.0, 0.0], [3.0, 0.0]]

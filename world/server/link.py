@@ -3,8 +3,8 @@
 - The router knows one login per agent and denies by default. On ``tls`` and ``quic`` an agent must also show the certificate
   that has its name. Agent ``i`` may put
   on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
-- Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long is turned away at the
-  door; while too much waits there, Zenoh reads no further.
+- Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long is turned away at
+  the door; while too much waits there, Zenoh reads no further.
 - ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It waits for an agent that has stopped
   reading once its pipe is full, so whoever sends must stop long before that; if not, the pipe is cut (world.server.pipes).
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
@@ -220,7 +220,7 @@ class WorldLink(Closing):
         self._barred.add(agent)
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
-        """The next message and the agent that sent it; None if none comes in ``timeout_s``, a little more or less (0: no wait)."""
+        """The next message and the agent that sent it; None if none comes in about ``timeout_s`` (0: no wait)."""
         until = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
         self._waits = timeout_s > 0.0
         while True:

@@ -20,7 +20,7 @@ _FULL_BYTES = 50_000  # a pipe with less in it is not what a send waits for
 
 
 class Lookout:
-    """Looks on while it is open, and calls ``beat`` each time. ``sending``: the number of the send that is under way, else None."""
+    """Looks on while it is open, and calls ``beat`` each time. ``sending``: the number of the send under way, else None."""
 
     def __init__(self, beat: Callable[[], None]) -> None:
         self.sending: int | None = None

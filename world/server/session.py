@@ -22,7 +22,6 @@ from protocols.dynamics import TICK_S
 from protocols.errors import BrokenError
 from protocols.mission.document import Mission
 from protocols.wire import messages
-from protocols.wire.sensed import SensedPacker
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
 from world.director import Director
@@ -33,6 +32,7 @@ from world.outlets.snapshot import snapshot
 from world.server.patience import Patience
 from world.server.peer import FLOODS, Peer
 from world.server.ports import STRUCK_OFF, Control, Link, Lost
+from world.server.questions import Questions
 from world.server.reception import Reception
 from world.server.running_time import RunningTime
 from world.server.said import Said
@@ -73,8 +73,8 @@ class WorldServer:
         self.peers = [Peer() for _ in range(agents)]
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
         self._reception = Reception(link, self.peers, mission.briefing(), slots)
-        self._sensors = SensedPacker(self.core.sensed)
         self._said = Said(self.core)
+        self._questions = Questions(self.core, self._said.frames)
         self._farewells: dict[int, AgentStatus] = {}
         self._now = 0  # the tick
         self._time, self._patience = RunningTime(), Patience(agents, control.watches)
@@ -160,11 +160,11 @@ class WorldServer:
         if self._clock == "lockstep":
             if not self._await(awake, lambda peer: peer.ready):
                 return None
-            self._say_tick(tick, awake, inbox)
+            self._say_tick(tick, awake)
             if not self._await(awake, lambda peer: peer.answered >= tick):
                 return None
         else:
-            self._say_tick(tick, [agent for agent in awake if self.peers[agent].ready], inbox)
+            self._say_tick(tick, [agent for agent in awake if self.peers[agent].ready])
             if not self._keep_time(awake, tick):
                 return None
         return self._said.answers()
@@ -182,25 +182,13 @@ class WorldServer:
 
     # What the world says.
 
-    def _say_tick(self, tick: int, awake: list[int], inbox: Inbox) -> None:
-        now, proof, payloads = (
-            self._time.now(),
-            secrets.randbelow(messages.MAX_PROOF),
-            self._said.frames(inbox),
-        )
-        bounds, sources = inbox.start.tolist(), inbox.arrived[:, 0].astype(np.uint8).tobytes()
+    def _say_tick(self, tick: int, awake: list[int]) -> None:
+        now, proof, peers = self._time.now(), secrets.randbelow(messages.MAX_PROOF), self.peers
+        asked = np.zeros(len(peers), np.bool_)
+        asked[awake] = True
+        written = self._questions.write(tick, proof, asked, [peer.answered for peer in peers])
         for agent in awake:
-            peer, (first, end) = self.peers[agent], bounds[agent : agent + 2]
-            message = messages.pack(
-                messages.Tick(
-                    tick,
-                    proof,
-                    peer.answered,
-                    self._sensors.pack(agent),
-                    sources[first:end],
-                    payloads[first:end],
-                )
-            )
+            peer, message = peers[agent], written[agent]
             piped = self._clock == "lockstep" or not self._link.cast(agent, message)
             if piped:
                 if peer.backlogged or not peer.room(len(message)):
