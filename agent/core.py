@@ -62,7 +62,12 @@ class Outputs(NamedTuple):
 
 
 class AgentCore:
-    """A drones of swarms that fly the same mission (up to seeds): what they know, and `tick`."""
+    """A drones of swarms that fly the same mission (up to seeds): what they know, and `tick`.
+
+    Attributes:
+        policy: what they fly; compiled: the same, if it is compiled. arrays: all that they know and do, from the first tick on.
+        command: (A, 2) m/s^2, what a compiled policy wants and the filter makes of it.
+    """
 
     def __init__(
         self,
@@ -86,10 +91,11 @@ class AgentCore:
         agents = np.asarray(me, np.int64)
         self.mission = mission.told
         self.policy = find_policy(mission.policy, self.mission)
+        self.compiled = self.policy if isinstance(self.policy, Compiled) else None
         self._opened = rehearsal
         self._rules, self._shape = rules_of(mission), shape_of(mission)
         self._work = empty_work(agents)
-        self._command = np.zeros((len(agents), 2))
+        self.command = np.zeros((len(agents), 2))
         self._memory = empty_memory(len(agents), mission.agents)
         self._views = empty_views(len(agents), mission.agents)
         self._endpoints = SlotEndpoints(mission, agents, initial_slots, self._views, boot, seals_of)
@@ -121,9 +127,10 @@ class AgentCore:
         self._inputs = inputs
         work = self._work._replace(awake=inputs.awake, inbox_start=inputs.start, inbox=inputs.heard)
         self._work = work
-        self._arrays = by_reference(
-            TickArrays(self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory)
+        self.arrays = TickArrays(
+            self._rules, self._shape, self._views, work, sensed, inputs.air.frames, memory
         )
+        self._page = by_reference(self.arrays)
         self._shown: dict[str, NDArray[Any] | Memory] = {
             "me": work.me, "awake": work.awake, "position": sensed.position, "velocity": sensed.velocity,
             "target_position": work.target_position, "target_velocity": work.target_velocity,
@@ -140,14 +147,14 @@ class AgentCore:
         if begins:
             self.open()
             self._begin(tick, inputs)
-        arrays, work, air, endpoints = self._arrays, self._work, inputs.air, self._endpoints
+        arrays, work, air, endpoints = self._page, self._work, inputs.air, self._endpoints
         changed = endpoints.step(tick, work, air) if cycle.before_policy(tick, arrays) else ()
         if changed or begins:  # at the first swap there would be no time for loading code
             cycle.aim_again(arrays)
         policy, name = self.policy, self.mission.policy
-        if isinstance(policy, Compiled):
-            command = self._command
-            call(policy.act_on_arrays, name, tick, arrays, command)
+        if self.compiled:
+            command = self.command
+            call(self.compiled.act_on_arrays, name, tick, arrays, command)
         else:
             command = ask(policy, name, Seen(tick, self._shown, arrays), len(work.me))
         wrong = cycle.after_policy(tick, first, arrays, command)

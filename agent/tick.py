@@ -42,9 +42,9 @@ def _ask_triggers(
     work.vacated[row] = trigger.vacancy_to_fill(me, tick, rules.swap, rules.radio, error, shape, known)
 
 
-@kernel
-def before_policy(tick: int, arrays: TickArrays) -> bool:
-    """Perceive, aim, observe and ask the swap triggers, for every awake row.
+@inlined_kernel
+def perceive_all(tick: int, arrays: TickArrays) -> bool:
+    """Perceive, aim, observe and ask the swap triggers, for every awake row. Done again for the same tick it changes nothing.
 
     Returns:
         Whether any row's slot protocol has something to attend to (``arrays.work.news``).
@@ -71,6 +71,12 @@ def before_policy(tick: int, arrays: TickArrays) -> bool:
 
 
 @kernel
+def before_policy(tick: int, arrays: TickArrays) -> bool:
+    """`perceive_all`."""
+    return perceive_all(tick, arrays)
+
+
+@kernel
 def aim_again(arrays: TickArrays) -> None:
     """Targets and observations after a view of the slots has changed."""
     rules, shape, views, work = arrays.rules, arrays.shape, arrays.views, arrays.work
@@ -80,8 +86,8 @@ def aim_again(arrays: TickArrays) -> None:
             _aim_and_observe(row, rules, shape, views, work, sensed, memory)
 
 
-@kernel
-def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.float64]) -> int:
+@inlined_kernel
+def secure_all(tick: int, first: int, arrays: TickArrays, command: NDArray[np.float64]) -> int:
     """Make the commands (A, 2) safe in place, and compose the frames that are due into ``arrays.frames`` row first + r.
 
     Drones take turns at low frame rates, so that not all speak in the same tick.
@@ -110,3 +116,9 @@ def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.
             frames.digest[first + row] = views.digest[row]
             frames.loud[first + row] = 0
     return -1
+
+
+@kernel
+def after_policy(tick: int, first: int, arrays: TickArrays, command: NDArray[np.float64]) -> int:
+    """`secure_all`."""
+    return secure_all(tick, first, arrays, command)

@@ -7,48 +7,76 @@ late, nothing is moved.
 """
 
 from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.wire.sensed import Sensed
 
 _LATELY = 50  # ticks over which the round trip is looked at
 _FARTHEST = 50  # ticks; beyond that the world has braked the drone
+_KEPT = 128  # commands
+
+
+class Commands(NamedTuple):
+    """The last commands of one drone, by tick % `_KEPT`: (K,) the tick that each answered, and (K, 2) m/s^2."""
+
+    tick: NDArray[np.int64]
+    command: NDArray[np.float64]
 
 
 class Foresight:
-    """The last commands of one drone and how long they take."""
+    """How long one drone's commands take.
+
+    Attributes:
+        commands: its last ones; whoever flies the drone may also write them there.
+    """
 
     def __init__(self) -> None:
-        self._command: dict[int, tuple[float, float]] = {}
+        self.commands = Commands(np.full(_KEPT, -1), np.zeros((_KEPT, 2)))
         self._late: deque[int] = deque(maxlen=_LATELY)
-        self._on_time = 0  # ticks before the first that was late
+        self._since = -1  # the first tick that was answered
+
+    @property
+    def on_time(self) -> bool:
+        """Whether nothing was late lately."""
+        return not self._late
 
     def remember(self, tick: int, ax: float, ay: float) -> None:
         """This was commanded in answer to ``tick``: acceleration [m/s^2]."""
-        self._command[tick] = ax, ay
-        if len(self._command) > 2 * _FARTHEST:
-            del self._command[next(iter(self._command))]
+        place = tick % _KEPT
+        self.commands.tick[place], self.commands.command[place] = tick, (ax, ay)
+        if self._since < 0:
+            self._since = tick
+
+    def _commanded(self, tick: int) -> tuple[float, float] | None:
+        place = tick % _KEPT
+        if tick < 0 or self.commands.tick[place] != tick:
+            return None
+        ax, ay = self.commands.command[place].tolist()
+        return ax, ay
 
     def move_on(self, tick: int, followed: int, sensed: Sensed) -> None:
         """Make of what was sensed at ``tick``, when the drone flew by its answer to tick ``followed``, what will be so when its
         next answer counts; one row, in place.
         """
-        # Where it is not in there, it flew by what was commanded before this process began, or long ago.
-        if followed in self._command:
-            if followed == tick - 1 and not self._late:
-                self._on_time += 1
-                return
+        if followed == tick - 1 and not self._late:
+            return
+        # Where it is unknown, it flew by what was commanded before this process began, or long ago.
+        if self._commanded(followed):
             if not self._late:
-                self._late.extend([0] * min(self._on_time, _LATELY))
+                self._late.extend([0] * min(tick - 1 - self._since, _LATELY))
             self._late.append(min(tick - 1 - followed, _FARTHEST))
         ahead = sorted(self._late)[len(self._late) // 2] if self._late else 0
         if not ahead:
             return
         (x, y), (vx, vy) = sensed.position[0].tolist(), sensed.velocity[0].tolist()
-        was, command = (x, y, vx, vy), self._command.get(followed, (0.0, 0.0))
+        was, command = (x, y, vx, vy), self._commanded(followed) or (0.0, 0.0)
         for answered in range(tick - ahead, tick):
             if answered > followed:
-                command = self._command.get(answered, command)
+                command = self._commanded(answered) or command
             wx, wy = vx + command[0] * TICK_S, vy + command[1] * TICK_S
             x, y = x + 0.5 * TICK_S * (vx + wx), y + 0.5 * TICK_S * (vy + wy)
             vx, vy = wx, wy

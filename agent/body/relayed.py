@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from agent.body.foresight import Foresight
+from agent.body.foresight import Commands, Foresight
 from agent.ports import Heard
 from protocols.wire import messages
 from protocols.wire.keys import LinkError
@@ -62,14 +62,19 @@ _NOTHING = messages.make_tick(0, 0, -1, SensedPacker(empty_sensed(1)).pack(0))._
 
 
 class RelayedWorld:
-    """Body and radio (agent.ports) of the drone that is flown by process number ``process``."""
+    """Body and radio (agent.ports) of the drone that is flown by process number ``process``.
+
+    Attributes:
+        tick: the last that was begun. heard: what is heard, and the rest of its Tick.
+    """
 
     def __init__(self, process: int) -> None:
-        self._process = process
+        self.process = process
         self.sensed = empty_sensed(1)
         self._reader = SensedReader(self.sensed)
         self._make_room(_ROOM)
-        self._asked = _NOTHING
+        self._asked, self.tick = _NOTHING, -1
+        self._answer: bytes | None = None
         self._begun = True
         self._command, self._slot = (0.0, 0.0), 0
         self._frame: bytes | None = None
@@ -78,13 +83,8 @@ class RelayedWorld:
         self._foresight = Foresight()
 
     def _make_room(self, size: int) -> None:
-        self._heard = np.zeros(size, np.uint8)
-        self._heard_bytes = self._heard.data
-
-    @property
-    def tick(self) -> int:
-        """The last that was begun."""
-        return self._asked.tick
+        self.heard = np.zeros(size, np.uint8)
+        self._into = self.heard.data
 
     def take(self, asked: Tick) -> None:
         """Begin the tick for which this was sent; frames of one that it overtakes are heard with its own."""
@@ -97,17 +97,36 @@ class RelayedWorld:
                 + asked.data[asked.heard_at :],
             )
         self._asked, self._frame, self._begun = asked, None, False
+        self.tick, self._answer = asked.tick, None
         if asked.followed >= self._told:
             self._status = None
 
-    def reply(self) -> Reply:
-        """What the drone has done since."""
+    @property
+    def telling(self) -> bool:
+        """Whether an account is still to be told."""
+        return self._status is not None
+
+    @property
+    def commands(self) -> Commands:
+        """The last ones; whoever answers Ticks in this world's stead writes them there."""
+        return self._foresight.commands
+
+    def answered(self, tick: int, reply: bytes) -> None:
+        """This tick was answered in this world's stead."""
+        self.tick, self._answer = tick, reply
+
+    def reply(self) -> bytes:
+        """What the drone has done since the tick began, packed; the same again until the next one."""
         asked, (ax, ay) = self._asked, self._command
-        return Reply(self._process, asked.tick, asked.proof, ax, ay, self._slot, self._frame, self._status)
+        if self._answer is None:
+            self._answer = messages.pack(
+                Reply(self.process, asked.tick, asked.proof, ax, ay, self._slot, self._frame, self._status)
+            )
+        return self._answer
 
     def farewell(self, status: AgentStatus) -> Farewell:
         """The drone's last word."""
-        return Farewell(self._process, status)
+        return Farewell(self.process, status)
 
     def sense(self) -> None:
         asked = self._asked
@@ -123,11 +142,11 @@ class RelayedWorld:
         asked = self._asked
         if asked.heard:
             size = len(asked.data)
-            if size > len(self._heard):
+            if size > len(self.heard):
                 self._make_room(2 * size)
-            self._heard_bytes[:size] = asked.data
-            return Heard(self._heard, asked.heard_at, size, asked.heard)
-        return Heard(self._heard, 0, 0, 0)
+            self._into[:size] = asked.data
+            return Heard(self.heard, asked.heard_at, size, asked.heard)
+        return Heard(self.heard, 0, 0, 0)
 
     def say(self, frame: bytes) -> None:
         self._frame = frame
@@ -142,7 +161,8 @@ class WorldClock:
     """Clock (agent.ports) of a drone in a relayed world: a tick is when the world sends one.
 
     Attributes:
-        world: the drone's body and radio. ending: why the flight is over for this process, once it is.
+        world: the drone's body and radio. ending: why the flight is over for this process, once it is. quick: answers a Tick at
+        once, with the Reply and its tick, or with None where the drone is to act.
     """
 
     def __init__(self, link: Link, leaving: Callable[[], bool], silence_s: float) -> None:
@@ -151,6 +171,7 @@ class WorldClock:
         self._process = secrets.randbelow(messages.MAX_PROCESS)
         self.world = RelayedWorld(self._process)
         self.ending: Ending | None = None
+        self.quick: Callable[[bytes], tuple[int, bytes] | None] = lambda message: None
         self._welcomed = False
         self._silent = 0  # looks that brought nothing
 
@@ -178,7 +199,7 @@ class WorldClock:
         self._say_both_ways(Ready(self._process))
         while self._wait_for_tick():
             yield self.world.tick
-            self._say_soon(self.world.reply())
+            self._send_soon(self.world.reply())
 
     def _wait_for_tick(self) -> bool:
         """Wait for a tick that is new, and begin the newest there is; False when the flight is over."""
@@ -191,7 +212,7 @@ class WorldClock:
                 elif (
                     message.tick == self.world.tick and not fresh
                 ):  # its answer was lost, so the world asks again
-                    self._say_soon(self.world.reply())
+                    self._send_soon(self.world.reply())
         return fresh and self.ending is None
 
     def leave(self, status: AgentStatus) -> None:
@@ -202,9 +223,8 @@ class WorldClock:
     def _say(self, message: FromDrone) -> None:
         self._link.send(messages.pack(message))
 
-    def _say_soon(self, message: FromDrone) -> None:
+    def _send_soon(self, data: bytes) -> None:
         """In real time what waits for what was lost before it is worth nothing; but a way that is not open is none."""
-        data = messages.pack(message)
         if not self._link.cast(data):
             self._link.send(data)
 
@@ -230,6 +250,10 @@ class WorldClock:
                     self._say_both_ways(Ready(self._process))
                 continue
             self._silent = 0
+            if (answered := self.quick(data)) is not None:
+                self.world.answered(*answered)
+                self._send_soon(answered[1])
+                continue
             try:
                 message = messages.unpack_from_world(data)
             except MessageError:

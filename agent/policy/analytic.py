@@ -7,13 +7,14 @@ from agent.memory import discs_of, neighbours_of
 from agent.observation import aim_of
 from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Compiled
+from agent.quick import RARE, Quick, begin_tick, end_tick
 from agent.tick_arrays import TickArrays
-from protocols.kernels import kernel
+from protocols.kernels import inlined_kernel, kernel
 from protocols.mission.document import Mission
 
 
-@kernel
-def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
+@inlined_kernel
+def _steer(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
     memory = arrays.memory
     for row in range(arrays.work.me.shape[0]):
         if arrays.work.awake[row]:
@@ -23,6 +24,20 @@ def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
                 discs_of(memory, row),
                 arrays.rules.gains,
             )
+
+
+@kernel
+def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
+    _steer(arrays, wanted)
+
+
+@kernel
+def _fly(size: int, quick: Quick) -> int:
+    tick = begin_tick(size, quick)
+    if tick < 0:
+        return RARE
+    _steer(quick.arrays, quick.command)
+    return end_tick(tick, quick)
 
 
 class Analytic(Compiled):
@@ -35,3 +50,6 @@ class Analytic(Compiled):
 
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
         _act(arrays, wanted)
+
+    def fly(self, size: int, quick: Quick) -> int:
+        return _fly(size, quick)

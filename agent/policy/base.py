@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory
+from agent.quick import RARE, Quick
 from agent.tick_arrays import TickArrays
 from protocols.errors import ExitCode, SwarmError
 
@@ -107,6 +108,10 @@ class Compiled(ABC):
     @abstractmethod
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
         """Write the accelerations (A, 2) m/s^2 of the awake rows into ``wanted``, the same array every time."""
+
+    def fly(self, size: int, quick: Quick) -> int:
+        """A drone's whole tick in one kernel, if the policy has one (agent.quick): the Reply's size, or `RARE`."""
+        return RARE
 
     def act(self, seen: Seen) -> NDArray[np.float64]:
         """Wanted acceleration of every row, (A, 2) m/s^2."""

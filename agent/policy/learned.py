@@ -19,9 +19,11 @@ from agent.policy.learned_kernel import (
     empty_plans,
     empty_question,
     fly_plans,
+    fly_quickly,
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, note_of, read_model
+from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission
@@ -91,6 +93,9 @@ class Learned(Compiled):
             for first in range(0, due, _ROWS):
                 self._plan(tick, arrays, first, min(first + _ROWS, due))
             fly_plans(tick, arrays, self._planner)
+
+    def fly(self, size: int, quick: Quick) -> int:
+        return fly_quickly(size, quick, self._planner)
 
     def _plan(self, tick: int, arrays: TickArrays, first: int, end: int) -> None:
         inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}

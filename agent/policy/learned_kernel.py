@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from agent.control.follow import Following, Plan, follow_row
 from agent.memory import Memory, discs_of, neighbours_of
 from agent.observation import WIDE_SIZE, aim_of, compressed, observe_wide_row
+from agent.quick import RARE, Quick, begin_tick, end_tick, tick_of
 from agent.tick_arrays import Rules, TickArrays, Work
 from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
-from protocols.wire.sensed import Sensed
 
 
 class History(NamedTuple):
@@ -155,7 +155,8 @@ def _ask_row(
 
 
 @inlined_kernel
-def _fly(tick: int, work: Work, sensed: Sensed, memory: Memory, planner: Planner) -> None:
+def _fly(tick: int, arrays: TickArrays, planner: Planner) -> None:
+    work, sensed, memory = arrays.work, arrays.sensed, arrays.memory
     flown, wanted = planner.plans, planner.wanted
     for row in range(work.me.shape[0]):
         if work.awake[row]:
@@ -164,6 +165,18 @@ def _fly(tick: int, work: Work, sensed: Sensed, memory: Memory, planner: Planner
                 tick - flown.made_at[row], plan, vector(sensed.position, row), aim_of(row, work, sensed),
                 neighbours_of(memory, row), discs_of(memory, row), planner.following,
             )  # fmt: skip
+
+
+@inlined_kernel
+def _is_due(tick: int, row: int, work: Work, planner: Planner) -> bool:
+    turn = (tick + work.me[row]) % planner.replan == 0
+    return bool(turn or tick - planner.plans.made_at[row] >= planner.plans.displacement.shape[1])
+
+
+@inlined_kernel
+def _counts(tick: int, row: int, work: Work, planner: Planner) -> bool:
+    """Whether a model will look back at this tick: at what was before the last L ticks it does not."""
+    return bool((tick + work.me[row]) % planner.replan > planner.replan - planner.history.own.shape[1])
 
 
 @kernel
@@ -177,23 +190,19 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
     Returns:
         How many rows are due.
     """
-    rules, work, sensed, memory = arrays.rules, arrays.work, arrays.sensed, arrays.memory
-    replan = planner.replan
-    seen, asked, made_at = planner.history, planner.question, planner.plans.made_at
-    past, horizon = seen.own.shape[1], planner.plans.displacement.shape[1]
-    due = 0
+    rules, work, memory = arrays.rules, arrays.work, arrays.memory
+    seen, asked, due = planner.history, planner.question, 0
     for row in range(work.me.shape[0]):
         if not work.awake[row]:
             continue
-        since_turn = (tick + work.me[row]) % replan
-        is_due = since_turn == 0 or tick - made_at[row] >= horizon
-        if is_due or since_turn > replan - past:  # what was before the last L ticks is of no use
+        is_due = _is_due(tick, row, work, planner)
+        if is_due or _counts(tick, row, work, planner):
             _note_row(tick, row, rules, work, memory, seen)
         if is_due:
             _ask_row(row, due, rules, work, memory, seen, asked)
             due += 1
     if due == 0:
-        _fly(tick, work, sensed, memory, planner)
+        _fly(tick, arrays, planner)
     return due
 
 
@@ -223,4 +232,19 @@ def take_plans(
 @kernel
 def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
     """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
-    _fly(tick, arrays.work, arrays.sensed, arrays.memory, planner)
+    _fly(tick, arrays, planner)
+
+
+@kernel
+def fly_quickly(size: int, quick: Quick, planner: Planner) -> int:
+    """A drone's whole tick (agent.quick); `RARE` also where a plan is due."""
+    arrays = quick.arrays
+    if _is_due(tick_of(quick), 0, arrays.work, planner):
+        return RARE
+    tick = begin_tick(size, quick)
+    if tick < 0:
+        return RARE
+    if _counts(tick, 0, arrays.work, planner):
+        _note_row(tick, 0, arrays.rules, arrays.work, arrays.memory, planner.history)
+    _fly(tick, arrays, planner)
+    return end_tick(tick, quick)

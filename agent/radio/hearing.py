@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from agent.ports import Heard
 from agent.radio.air import Air
-from protocols.kernels import by_reference, kernel
+from protocols.kernels import by_reference, inlined_kernel, kernel
 from protocols.wire import messages
 from protocols.wire.frames import KNOWN_BYTES, REASONS, Frames, fault, read_frame
 from protocols.wire.heard import ENTRY_BYTES
@@ -16,8 +16,8 @@ _OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
 _MALFORMED, _WRONG_SENDER = REASONS.index("malformed"), REASONS.index("sender")
 
 
-class _Ears(NamedTuple):
-    """What `_listen` works on.
+class Ears(NamedTuple):
+    """What kernels that hear work on.
 
     data: what is heard. believed: (MAX_HEARD,) the rows of frames that are. rejected: how many are not, per `REASONS`. note:
     (MAX_HEARD, 2) where in ``data`` the note of a loud row lies, and its size.
@@ -33,44 +33,62 @@ class _Ears(NamedTuple):
     note: NDArray[np.int64]
 
 
+@inlined_kernel
+def entry_end(at: int, end: int, data: NDArray[np.uint8]) -> int:
+    """Where the entry that begins at ``at`` ends (protocols.wire.heard); -1 if it is not whole."""
+    if at + ENTRY_BYTES > end:
+        return -1
+    beyond = at + ENTRY_BYTES + int(np.int64(data[at + 2])) + 256 * int(np.int64(data[at + 3]))
+    return beyond if beyond <= end else -1
+
+
+@inlined_kernel
+def hear_entry(tick: int, at: int, beyond: int, row: int, ears: Ears) -> int:
+    """Read the frame of a whole entry into ``row``.
+
+    Returns:
+        Why it must not be believed, as an index of `REASONS`; -1 if it may be, if its note may, should it be loud.
+    """
+    data, frames = ears.data, ears.frames
+    source = int(np.int64(data[at])) + 256 * int(np.int64(data[at + 1]))
+    begin = at + ENTRY_BYTES
+    reason = read_frame(data, begin, beyond - begin, ears.tag, frames, row)
+    if reason >= 0:
+        return reason
+    sender = int(np.int64(frames.sender[row]))
+    if sender != source or sender == ears.me:
+        return _WRONG_SENDER
+    return fault(frames, row, tick, _OLDEST_FRAME, ears.agents)
+
+
 @kernel
-def _listen(tick: int, at: int, end: int, count: int, ears: _Ears) -> int:
+def _listen(tick: int, at: int, end: int, count: int, ears: Ears) -> int:
     """Read ``count`` frames that lie in ``data`` from ``at`` to ``end`` (protocols.wire.heard) into rows, put those that may be
     believed into ``believed`` and count the others.
 
     Returns:
         How many are believed; if there are loud ones among them, whose notes are still to be read, -1 minus that.
     """
-    data, frames, rejected = ears.data, ears.frames, ears.rejected
-    good, loud = 0, False
+    frames, good, loud = ears.frames, 0, False
     for _ in range(count):
         if good == ears.believed.shape[0]:
             break
-        if at + ENTRY_BYTES > end:
-            rejected[_MALFORMED] += 1
+        beyond = entry_end(at, end, ears.data)
+        if beyond < 0:
+            ears.rejected[_MALFORMED] += 1
             break
-        source = np.int64(data[at]) + 256 * np.int64(data[at + 1])
-        size = int(np.int64(data[at + 2]) + 256 * np.int64(data[at + 3]))
-        at += ENTRY_BYTES
-        if at + size > end:
-            rejected[_MALFORMED] += 1
-            break
-        reason = read_frame(data, at, size, ears.tag, frames, good)
-        sender = np.int64(frames.sender[good])
-        if reason < 0 and (sender != source or sender == ears.me):
-            reason = _WRONG_SENDER
-        if reason < 0:
-            reason = fault(frames, good, tick, _OLDEST_FRAME, ears.agents)
+        reason = hear_entry(tick, at, beyond, good, ears)
         if reason >= 0:
-            rejected[reason] += 1
+            ears.rejected[reason] += 1
         else:
             if frames.loud[good]:
                 loud = True
-                whole = frames.fixed_bytes.shape[1] + KNOWN_BYTES * np.int64(frames.known_count[good])
-                ears.note[good, 0], ears.note[good, 1] = at + whole, size - whole
+                whole = frames.fixed_bytes.shape[1] + KNOWN_BYTES * int(np.int64(frames.known_count[good]))
+                ears.note[good, 0] = at + ENTRY_BYTES + whole
+                ears.note[good, 1] = beyond - ears.note[good, 0]
             ears.believed[good] = good
             good += 1
-        at += size
+        at = beyond
     return -1 - good if loud else good
 
 
@@ -89,11 +107,13 @@ class Hearing:
         self._listen_to(np.zeros(0, np.uint8))
 
     def _listen_to(self, data: NDArray[np.uint8]) -> None:
-        self._data, air = data, self._air
-        self._ears = by_reference(
-            _Ears(
-                self._me, air.tag, self._agents, data, air.frames, self.believed, self._rejected, self._note
-            )
+        self._data, self._ears = data, by_reference(self.ears(data))
+
+    def ears(self, data: NDArray[np.uint8]) -> Ears:
+        """What kernels need to hear what is in ``data``."""
+        air = self._air
+        return Ears(
+            self._me, air.tag, self._agents, data, air.frames, self.believed, self._rejected, self._note
         )
 
     @property
@@ -106,12 +126,12 @@ class Hearing:
 
         Bad frames, and those in which a drone speaks in another's name, are counted and dropped.
         """
-        data, at, end, count = heard
-        if not count:
+        data, at, end, frames = heard
+        if not frames:
             return 0
         if data is not self._data:
             self._listen_to(data)
-        good = _listen(tick, at, end, count, self._ears)
+        good = _listen(tick, at, end, frames, self._ears)
         return good if good >= 0 else self._read_notes(-1 - good)
 
     def _read_notes(self, good: int) -> int:

@@ -47,7 +47,7 @@ TICK_MARK, REPLY_MARK = ord("T"), ord("R")
 #: then the frames (protocols.wire.heard).
 TICK_HEAD = struct.Struct("<BBHIIiI")
 #: Mark, process, tick, proof, slot, bytes of the frame, bytes of the account, ax, ay; then the frame, then the account.
-_REPLY_HEAD = struct.Struct("<BxxxIIIHHHxxdd")
+REPLY_HEAD = struct.Struct("<BxxxIIIHHHxxdd")
 
 
 class MessageError(ValueError):
@@ -174,24 +174,24 @@ def _pack_reply(reply: Reply) -> bytes:
     process, tick, proof, ax, ay, slot, frame, status = reply
     frame, account = frame or b"", b"" if status is None else msgpack.packb(status)
     return (
-        _REPLY_HEAD.pack(REPLY_MARK, process, tick, proof, slot, len(frame), len(account), ax, ay)
+        REPLY_HEAD.pack(REPLY_MARK, process, tick, proof, slot, len(frame), len(account), ax, ay)
         + frame
         + account
     )
 
 
 def _unpack_reply(data: bytes, agents: int) -> Reply:
-    if len(data) < _REPLY_HEAD.size:
+    if len(data) < REPLY_HEAD.size:
         raise MessageError("Reply: too short")
-    _, process, tick, proof, slot, frame_size, account_size, ax, ay = _REPLY_HEAD.unpack_from(data)
-    account_at = _REPLY_HEAD.size + frame_size
+    _, process, tick, proof, slot, frame_size, account_size, ax, ay = REPLY_HEAD.unpack_from(data)
+    account_at = REPLY_HEAD.size + frame_size
     if account_at + account_size != len(data):
         raise MessageError("Reply: not as long as it says")
     if slot >= agents or tick > MAX_TICK:
         raise MessageError("Reply: no such slot or tick")
     if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
         raise MessageError("not a command")
-    frame = data[_REPLY_HEAD.size : account_at] if 0 < frame_size <= MAX_FRAME_BYTES else None
+    frame = data[REPLY_HEAD.size : account_at] if 0 < frame_size <= MAX_FRAME_BYTES else None
     status = _status(_msgpack(data[account_at:], **_FROM_DRONE), agents) if account_size else None
     return Reply(process, tick, proof, ax, ay, slot, frame, status)
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from protocols.wire.frames import REASONS
 
-_EVERY = 50  # ticks between two accounts of one drone when nothing changes
+STATUS_EVERY = 50  # ticks between two accounts of one drone when nothing changes
 
 SWAP_COUNTS = (
     "proposed",
@@ -36,7 +36,7 @@ class AgentStatus(NamedTuple):
 
 def is_due(tick: int, changed: bool) -> bool:
     """Whether a drone gives an account of itself at this tick: when its view of the slots has ``changed``, and now and then."""
-    return changed or tick % _EVERY == 0
+    return changed or tick % STATUS_EVERY == 0
 
 
 def parse_status(fields: Any, agents: int) -> AgentStatus:
