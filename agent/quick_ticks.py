@@ -47,7 +47,7 @@ class QuickTicks:
         """The tick, and the Reply to this Tick; None where it is to be done in the ordinary way."""
         policy, world = self._core.compiled, self._world
         first = self._last_tick[0] < 0  # then not all that a tick works on is there
-        if policy is None or first or world.telling or len(message) > len(world.heard):
+        if policy is None or first or len(message) > len(world.heard):
             return None
         if self._data is not world.heard:
             self._connect()

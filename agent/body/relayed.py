@@ -102,18 +102,13 @@ class RelayedWorld:
             self._status = None
 
     @property
-    def telling(self) -> bool:
-        """Whether an account is still to be told."""
-        return self._status is not None
-
-    @property
     def commands(self) -> Commands:
         """The last ones; whoever answers Ticks in this world's stead writes them there."""
         return self._foresight.commands
 
     def answered(self, tick: int, reply: bytes) -> None:
-        """This tick was answered in this world's stead."""
-        self.tick, self._answer = tick, reply
+        """This tick was answered in this world's stead, in time: so the last answer has come, whatever account it gave."""
+        self.tick, self._answer, self._status = tick, reply, None
 
     def reply(self) -> bytes:
         """What the drone has done since the tick began, packed; the same again until the next one."""
