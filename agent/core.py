@@ -65,7 +65,7 @@ class AgentCore:
     """A drones of swarms that fly the same mission (up to seeds): what they know, and `tick`.
 
     Attributes:
-        policy: what they fly; compiled: the same, if it is compiled. arrays: all that they know and do, from the first tick on.
+        policy: what they fly. arrays: all that they know and do, from the first tick on.
         command: (A, 2) m/s^2, what a compiled policy wants and the filter makes of it.
     """
 
@@ -91,7 +91,6 @@ class AgentCore:
         agents = np.asarray(me, np.int64)
         self.mission = mission.told
         self.policy = find_policy(mission.policy, self.mission)
-        self.compiled = self.policy if isinstance(self.policy, Compiled) else None
         self._opened = rehearsal
         self._rules, self._shape = rules_of(mission), shape_of(mission)
         self._work = empty_work(agents)
@@ -152,9 +151,9 @@ class AgentCore:
         if changed or begins:  # at the first swap there would be no time for loading code
             cycle.aim_again(arrays)
         policy, name = self.policy, self.mission.policy
-        if self.compiled:
+        if isinstance(policy, Compiled):
             command = self.command
-            call(self.compiled.act_on_arrays, name, tick, arrays, command)
+            call(policy.act_on_arrays, name, tick, arrays, command)
         else:
             command = ask(policy, name, Seen(tick, self._shown, arrays), len(work.me))
         wrong = cycle.after_policy(tick, first, arrays, command)

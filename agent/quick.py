@@ -147,6 +147,7 @@ def end_tick(tick: int, quick: Quick) -> int:
     _copy(quick.command_bytes, 0, answer, 24, 16)
     place = tick % quick.commands.tick.shape[0]
     quick.commands.tick[place] = tick
+    quick.commands.on_time[0] += 1
     for axis in range(2):
         quick.commands.command[place, axis] = quick.command[0, axis]
     quick.last[0] = tick

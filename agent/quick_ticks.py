@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from agent.body.relayed import RelayedWorld
 from agent.core import AgentCore
+from agent.policy.base import Compiled
 from agent.quick import Quick
 from agent.radio.hearing import Hearing
 from protocols.kernels import by_reference
@@ -45,9 +46,9 @@ class QuickTicks:
 
     def answer(self, message: bytes) -> tuple[int, bytes] | None:
         """The tick, and the Reply to this Tick; None where it is to be done in the ordinary way."""
-        policy, world = self._core.compiled, self._world
+        policy, world = self._core.policy, self._world
         first = self._last_tick[0] < 0  # then not all that a tick works on is there
-        if policy is None or first or len(message) > len(world.heard):
+        if not isinstance(policy, Compiled) or first or len(message) > len(world.heard):
             return None
         if self._data is not world.heard:
             self._connect()

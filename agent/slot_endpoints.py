@@ -19,14 +19,9 @@ from protocols.slots.highest_version import VersionedParty
 from protocols.slots.notes import MAX_OPS
 from protocols.slots.seals import Seals
 from protocols.slots.trigger import NOBODY
-from protocols.wire.frames import MAX_FRAME_BYTES, MAX_KNOWN
+from protocols.wire.frames import FIXED, KNOWN_BYTES, MAX_FRAME_BYTES, MAX_KNOWN
 
-_FRAME_BYTES, _KNOWN_BYTES, _DEAL_BYTES, _SWAP_BYTES = (
-    110,
-    9,
-    180,
-    158,
-)  # of one frame, none of them ever more
+_NOTE_BYTES, _DEAL_BYTES, _SWAP_BYTES = 13, 180, 158  # of a note without more, none of them ever more
 
 SealsOf = Callable[[int], Seals]  # agent -> its seals
 
@@ -71,8 +66,8 @@ class SlotEndpoint(Protocol):
 
 def swaps_per_note(agents: int) -> int:
     """How many sealed swaps a frame has room for, however much else it carries."""
-    known = _KNOWN_BYTES * min(agents - 1, MAX_KNOWN)
-    return min(MAX_OPS, (MAX_FRAME_BYTES - _FRAME_BYTES - known - _DEAL_BYTES - agents // 8) // _SWAP_BYTES)
+    frame = FIXED.itemsize + KNOWN_BYTES * min(agents - 1, MAX_KNOWN)
+    return min(MAX_OPS, (MAX_FRAME_BYTES - frame - _NOTE_BYTES - _DEAL_BYTES - agents // 8) // _SWAP_BYTES)
 
 
 def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int, seals: Seals) -> SlotEndpoint:

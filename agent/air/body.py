@@ -9,11 +9,11 @@ import math
 
 from agent.air.contacts import Contacts
 from agent.air.vehicle import Setpoint, State
-from agent.ports import Heard
+from agent.ports import Heard, heard_of
 from protocols.dynamics import TICK_S, integrate
 from protocols.fleet.place import Flat
 from protocols.fleet.plan import Plan
-from protocols.wire.sensed import MAX_OBSTACLES, Sensed, empty_sensed
+from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
 from protocols.wire.status import AgentStatus
 
 _LEAK_P, _LEAK_V = 0.5, 1.0  # per second
@@ -28,7 +28,7 @@ class RoomBody:
     def __init__(self, plan: Plan, me: int, contacts: Contacts) -> None:
         self._plan, self._me, self._contacts = plan, me, contacts
         self._place = plan.place
-        self._sensed = empty_sensed(1)
+        self.sensed = empty_sensed(1)
         self._reach = plan.mission.sensing.range_m
         self._p: Flat = (0.0, 0.0)
         self._v: Flat = (0.0, 0.0)
@@ -49,8 +49,8 @@ class RoomBody:
         self._measured = self._place.to_mission(state.p[:2]), self._place.turned_back(state.v[:2])
         self._tick, self._now, self.frame = tick, now, None
 
-    def sense(self) -> Sensed:
-        sensed, (px, py) = self._sensed, self._measured[0]
+    def sense(self) -> None:
+        sensed, (px, py) = self.sensed, self._measured[0]
         sensed.position[0], sensed.velocity[0] = self._measured
         count = 0
         for x, y, radius in (*self._plan.mission_obstacles, *self._silent()):
@@ -58,7 +58,6 @@ class RoomBody:
                 sensed.obstacles[0, count] = x - px, y - py, radius
                 count += 1
         sensed.obstacle_count[0] = count
-        return sensed
 
     def fly(self, ax: float, ay: float) -> None:
         limits, (p, v) = self._plan.mission.limits, self._measured
@@ -80,12 +79,13 @@ class RoomBody:
         reach = self._plan.mission.radio.range_m * self._place.scale
         here = self._place.to_room(self._measured[0])
         known = self._contacts.known()
-        near = [
-            (sender, frame)
-            for sender, frame in self._contacts.frames(self._tick)
-            if math.dist(known[sender].beacon.p[:2], here) <= reach
-        ]
-        return Heard(bytes(sender for sender, _ in near), [frame for _, frame in near])
+        return heard_of(
+            [
+                (sender, frame)
+                for sender, frame in self._contacts.frames(self._tick)
+                if math.dist(known[sender].beacon.p[:2], here) <= reach
+            ]
+        )
 
     def say(self, frame: bytes) -> None:
         self.frame = frame

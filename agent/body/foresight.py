@@ -21,10 +21,12 @@ _KEPT = 128  # commands
 
 
 class Commands(NamedTuple):
-    """The last commands of one drone, by tick % `_KEPT`: (K,) the tick that each answered, and (K, 2) m/s^2."""
+    """The last commands of one drone, by tick % `_KEPT`: (K,) the tick that each answered, and (K, 2) m/s^2. on_time: (1,) how
+    many came before the next tick."""
 
     tick: NDArray[np.int64]
     command: NDArray[np.float64]
+    on_time: NDArray[np.int64]
 
 
 class Foresight:
@@ -35,21 +37,13 @@ class Foresight:
     """
 
     def __init__(self) -> None:
-        self.commands = Commands(np.full(_KEPT, -1), np.zeros((_KEPT, 2)))
+        self.commands = Commands(np.full(_KEPT, -1), np.zeros((_KEPT, 2)), np.zeros(1, np.int64))
         self._late: deque[int] = deque(maxlen=_LATELY)
-        self._since = -1  # the first tick that was answered
-
-    @property
-    def on_time(self) -> bool:
-        """Whether nothing was late lately."""
-        return not self._late
 
     def remember(self, tick: int, ax: float, ay: float) -> None:
         """This was commanded in answer to ``tick``: acceleration [m/s^2]."""
         place = tick % _KEPT
         self.commands.tick[place], self.commands.command[place] = tick, (ax, ay)
-        if self._since < 0:
-            self._since = tick
 
     def _commanded(self, tick: int) -> tuple[float, float] | None:
         place = tick % _KEPT
@@ -63,11 +57,12 @@ class Foresight:
         next answer counts; one row, in place.
         """
         if followed == tick - 1 and not self._late:
+            self.commands.on_time[0] += 1
             return
         # Where it is unknown, it flew by what was commanded before this process began, or long ago.
         if self._commanded(followed):
             if not self._late:
-                self._late.extend([0] * min(tick - 1 - self._since, _LATELY))
+                self._late.extend([0] * min(int(self.commands.on_time[0]), _LATELY))
             self._late.append(min(tick - 1 - followed, _FARTHEST))
         ahead = sorted(self._late)[len(self._late) // 2] if self._late else 0
         if not ahead:

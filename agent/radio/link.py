@@ -7,6 +7,7 @@
 """
 
 import json
+import math
 import queue
 import threading
 import time
@@ -175,15 +176,20 @@ class AgentLink(Closing):
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next message, oldest first; None when none comes in about ``timeout_s`` (0: do not wait)."""
-        until = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
         self._waits = timeout_s > 0.0
+        until = math.inf
         while True:
             sample = self._heard.recv() if self._waits else self._heard.try_recv()
             if sample is None:
                 return None
             data = sample.payload.to_bytes()
-            if data and (message := self._joiner.join(data)) is not None:
-                return message
+            if pieces.is_whole(data):
+                return data
+            if data:
+                if (message := self._joiner.join(data)) is not None:
+                    return message
+                continue
+            until = min(until, time.monotonic() + timeout_s - _BEAT_S)  # the first beat may come at once
             if time.monotonic() >= until:
                 return None
 

@@ -24,7 +24,7 @@ from protocols.kernels import inlined_kernel
 from protocols.wire.rows import bytes_of
 
 VERSION = 2
-MAX_FRAME_BYTES = 1536
+MAX_FRAME_BYTES = 1600
 MAX_KNOWN = 64  # drones one frame can give displacements of
 OBSERVATION_SIZE = 18
 OBSERVATION_UNIT = 2048.0  # observation numbers travel as 16-bit fixed point, +-16
@@ -151,6 +151,14 @@ def parts_of(data: bytes) -> Frame:
     known = _SIZE + 2 * int(fixed["known_count"])
     note = _SIZE + KNOWN_BYTES * int(fixed["known_count"])
     return Frame(data[:_SIZE], data[_SIZE:known], data[known:note], data[note:])
+
+
+def altered(data: bytes, **instead: bytes) -> bytes:
+    """A frame as `parts_of` takes it, with other parts; it is loud if it has a note. For tests and rehearsed attacks."""
+    parts = parts_of(data)._replace(**instead)
+    loud = FIXED.fields["loud"][1] if FIXED.fields else 0
+    fixed = parts.fixed[:loud] + bytes([parts.note != b""]) + parts.fixed[loud + 1 :]
+    return b"".join((fixed, *parts[1:]))
 
 
 @inlined_kernel

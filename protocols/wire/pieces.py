@@ -19,9 +19,14 @@ _NUMBERS = 2**32
 _OPEN = 4  # messages of which some pieces have come; older ones are given up
 
 
+def is_whole(piece: bytes) -> bool:
+    """Whether this is a message as it is."""
+    return piece[:1] not in (b"", b"\x00")
+
+
 def cut(message: bytes, number: int, longest: int = LONGEST) -> Iterator[bytes]:
     """What travels of ``message``, in order; ``number`` it differs from that of all lately."""
-    if len(message) <= longest and message[:1] not in (b"", b"\x00"):
+    if len(message) <= longest and is_whole(message):
         yield message
         return
     step = longest - _HEAD.size
@@ -41,7 +46,7 @@ class Joiner:
 
     def join(self, piece: bytes) -> bytes | None:
         """The message that ``piece`` completes; None while more is to come, and of what is no piece."""
-        if piece[:1] not in (b"", b"\x00"):
+        if is_whole(piece):
             return piece
         if len(piece) < _HEAD.size:
             return None

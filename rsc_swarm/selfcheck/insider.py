@@ -9,13 +9,11 @@ from contextlib import suppress
 from random import Random
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from agent.process import fly, seals_of
 from agent.radio.link import AgentLink
 from protocols.slots.seals import Seals, Stamps
 from protocols.wire import keys, messages
-from protocols.wire.frames import FIXED, parts_of
+from protocols.wire.frames import altered
 from protocols.wire.login import Login
 from protocols.wire.messages import Reply, Tick
 from rsc_swarm.flight.processes import leave_on_sigterm
@@ -47,20 +45,11 @@ class Turn(NamedTuple):
 
     def answer_frame(self, **instead: bytes) -> None:
         """Answer honestly, but for these parts of the frame: fixed, known, displacement, note."""
-        self.answer(frame=altered(self.reply.frame, **instead))
+        frame = self.reply.frame
+        self.answer(frame=None if frame is None else altered(frame, **instead))
 
 
 Attack = Callable[[Turn], None]
-
-
-def altered(frame: bytes | None, **instead: bytes) -> bytes | None:
-    """This frame with other parts (protocols.wire.frames); it is loud if it has a note."""
-    if frame is None:
-        return None
-    fixed, *rest = parts_of(frame)._replace(**instead)
-    record = np.frombuffer(fixed, FIXED).copy()
-    record["loud"] = rest[-1] != b""
-    return record.tobytes() + b"".join(rest)
 
 
 class _Turned:

@@ -88,10 +88,3 @@ def test_what_another_process_of_the_drone_commanded_says_nothing_of_delays() ->
         foresight.move_on(tick, 700, sensed)
         foresight.remember(tick, 1.0, 0.0)
     assert sensed.position[0].tolist() == [0.0, 0.0]
-
-
-def test_it_remembers_no_more_than_it_needs() -> None:
-    foresight = Foresight()
-    for tick in range(0, 3000, 3):
-        foresight.remember(tick, 1.0, 0.0)
-    assert len(foresight._command) <= 100

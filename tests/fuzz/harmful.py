@@ -18,8 +18,9 @@ from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from protocols.mission.reading import MAX_BYTES
-from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, MAX_KNOWN
-from protocols.wire.messages import Hello, Ready, Refused, Reply, Tick, Wait, Welcome
+from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, MAX_KNOWN, altered
+from protocols.wire.heard import pack_heard
+from protocols.wire.messages import Hello, Ready, Refused, Reply, Wait, Welcome, make_tick, pack
 from tests.fuzz import seeds
 from tests.fuzz.seeds import AGENTS, made, packed
 
@@ -59,31 +60,44 @@ def notes() -> Named:
     yield "eight-fields", packed(good[:8])
 
 
+def _patched(data: bytes, field: str, value: Any) -> bytes:
+    record = np.frombuffer(data, FIXED, 1).copy()
+    record[field] = value
+    return record.tobytes() + data[FIXED.itemsize :]
+
+
 def frames() -> Named:
     """Frames with one part that cannot be."""
-    good = msgpack.unpackb(list(seeds.frames())[1])
-    for name, place, value in (
-        ("another-version", 0, 99), ("another-swarm", 1, 0), ("fixed-part-too-short", 2, b"x"),
-        ("fixed-part-is-text", 2, "x"),
-        ("known-too-few", 3, b""), ("displacements-not-whole", 4, b"123"),
-    ):  # fmt: skip
-        yield name, packed(_with(good, place, value))
-    for name, field, number in (
+    good = list(seeds.frames())[1]
+    for name, field, value in (
+        ("another-version", "version", 99), ("another-swarm", "tag", 0), ("neither-loud-nor-quiet", "loud", 2),
         ("from-the-future", "tick", 2000), ("from-long-ago", "tick", 1), ("motion-not-finite", "motion", np.nan),
-        ("ages-of-nobody", "age_from", AGENTS),
-        ("a-slot-nobody-has", "slot", AGENTS), ("a-sender-nobody-is", "sender", AGENTS),
-        ("more-hops-than-known", "one_hop", 9),
+        ("ages-of-nobody", "age_from", AGENTS), ("a-slot-nobody-has", "slot", AGENTS),
+        ("a-sender-nobody-is", "sender", AGENTS), ("more-hops-than-known", "one_hop", 9),
+        ("knows-more-than-can-be", "known_count", MAX_KNOWN + 1), ("knows-more-than-is-there", "known_count", MAX_KNOWN),
+        ("a-note-in-a-quiet-frame", "loud", 0),
     ):  # fmt: skip
-        fixed = np.frombuffer(good[2], FIXED).copy()
-        fixed[field] = number
-        yield name, packed(_with(good, 2, fixed.tobytes()))
-    fixed = np.frombuffer(good[2], FIXED).copy()
-    fixed["known_count"] = MAX_KNOWN + 1
-    more = [*good[:2], fixed.tobytes(), bytes(MAX_KNOWN + 1), bytes(8 * (MAX_KNOWN + 1)), good[5]]
-    yield "knows-more-than-can-be", packed(more)
+        yield name, _patched(good, field, value)
+    yield "record-is-cut-off", good[: FIXED.itemsize - 1]
+    yield "displacements-are-cut-off", good[: FIXED.itemsize + 11]
+    yield "loud-and-says-nothing", _patched(altered(good, note=b""), "loud", 1)
     yield "oversized", bytes(MAX_FRAME_BYTES + 1)
     for name, note in notes():
-        yield f"note-with-{name}", packed([*good[:5], msgpack.unpackb(note)])
+        yield f"note-with-{name}", altered(good, note=note)
+    for name, note in MSGPACK.items():
+        yield f"note-is-{name}", altered(good, note=note)
+
+
+def heard() -> Named:
+    """What is heard, cut off or longer than it says."""
+    for name, frame in frames():
+        if len(frame) < 2**16:
+            yield f"frame-{name}", bytes([2]) + pack_heard([(1, frame), (2, frame)])
+    whole = list(seeds.heard())[-1]
+    yield "nothing-where-there-is-to-be-something", b"\xff"
+    yield "more-than-is-said", bytes([1]) + whole[1:]
+    for size in (2, 4, 100, len(whole) - 1):
+        yield f"cut-off-after-{size}", whole[:size]
 
 
 def statuses() -> Named:
@@ -101,15 +115,18 @@ def statuses() -> Named:
 
 def from_drone() -> Named:
     """Messages that no drone says."""
-    reply = {"process": 7, "tick": 3, "ax": 0.5, "ay": 0.5, "slot": 5, "frame": b"x", "status": None}
-    for name, change in (
-        ("not-a-number", {"ax": float("nan")}), ("absurd-acceleration", {"ay": 1e9}), ("acceleration-is-whole", {"ax": 1}),
-        ("frame-is-text", {"frame": "x"}), ("frame-too-long", {"frame": bytes(2000)}), ("tick-below-zero", {"tick": -1}),
-        ("slot-nobody-has", {"slot": AGENTS}), ("account-is-a-number", {"status": 5}),
+    good = Reply(7, 3, 9, 0.5, 0.5, 5, b"x", None)
+    for name, reply in (
+        ("not-a-number", good._replace(ax=float("nan"))), ("absurd-acceleration", good._replace(ay=1e9)),
+        ("frame-too-long", good._replace(frame=bytes(2000))), ("tick-beyond-the-last", good._replace(tick=2**31)),
+        ("slot-nobody-has", good._replace(slot=AGENTS)), ("account-is-a-number", good._replace(status=5)),
     ):  # fmt: skip
-        yield name, made(Reply, **{**reply, **change})
+        yield name, pack(reply)  # type: ignore[arg-type]
+    for size in (1, 39, 40):
+        yield f"reply-of-{size}-bytes", pack(good)[:size]
+    yield "reply-and-more", pack(good) + b"x"
     for name, account in statuses():
-        yield f"account-with-{name}", made(Reply, **{**reply, "status": msgpack.unpackb(account)})
+        yield f"account-with-{name}", pack(good._replace(status=msgpack.unpackb(account)))
     yield "process-too-large", made(Ready, process=2**32)
     yield "version-is-text", made(Hello, version="1", process=1)
     yield "what-the-world-says", made(Wait)
@@ -121,15 +138,16 @@ def from_drone() -> Named:
 
 def from_world() -> Named:
     """Messages that no world says."""
-    tick = {"tick": 3, "sensed": [b"", b"", b""], "sources": b"\1", "heard": [b"x"]}
-    for name, change in (
-        ("sensed-is-text", {"sensed": ["a", "b", "c"]}), ("sensed-is-numbers", {"sensed": [1.0, 2, None]}),
-        ("tick-is-a-truth", {"tick": True}),
-        ("heard-is-text", {"heard": ["x"]}), ("heard-is-nothing", {"heard": [None]}),
-        ("sensed-in-two-parts", {"sensed": [b"", b""]}),
-        ("sensed-is-nothing", {"sensed": None}), ("heard-is-a-mapping", {"heard": {}}),
+    tick = make_tick(3, 9, 2, (bytes(32), bytes(80), bytes(24)), [1], [b"x"]).data
+    for name, place, value in (
+        ("obstacles-beyond-all", 1, 255), ("neighbours-beyond-all", 2, 255), ("neighbours-beyond-the-end", 2, 5),
+        ("tick-beyond-the-last", 7, 255), ("hears-more-than-is-there", 16, 9), ("frame-beyond-the-end", -3, 9),
     ):  # fmt: skip
-        yield name, made(Tick, **{**tick, **change})
+        patched = bytearray(tick)
+        patched[place] = value
+        yield name, bytes(patched)
+    for size in (1, 19, 20, 51, 155, len(tick) - 1):
+        yield f"tick-of-{size}-bytes", tick[:size]
     welcome = {"process": 7, "initial_slots": b"", "boot": 0, "flight": bytes(8), "datagram_key": b""}
     yield "mission-of-a-list", made(Welcome, **welcome, mission={"agents": [3]})
     yield "mission-with-a-long-text", made(Welcome, **welcome, mission={"policy": "a" * 5000})
@@ -177,14 +195,6 @@ def world_keys() -> Named:
     key_of_drone = replace(world.certificates, private_key=drone.private_key)
     yield "key-of-a-drone", replace(world, certificates=key_of_drone).to_json().encode()
     yield "of-another-address", seeds.keys_of(seeds.TODAY, "10.9.9.9").world.to_json().encode()
-
-
-def sensed() -> Named:
-    """Rows that are not whole."""
-    yield "own-too-long", bytes(43) + b"|"
-    yield "half-a-neighbour", bytes(32) + bytes(20) + b"|"
-    yield "half-an-obstacle", bytes(32) + b"|" + bytes(5)
-    yield "nothing", b""
 
 
 def pieces() -> Named:
@@ -330,12 +340,12 @@ def descriptions() -> Named:
 
 
 _MADE = {
-    "frame": frames, "air": frames, "note": notes, "status": statuses, "from-drone": from_drone,
-    "from-world": from_world, "sensed": sensed,
+    "frame": frames, "heard": heard, "note": notes, "status": statuses, "from-drone": from_drone,
+    "from-world": from_world,
     "pieces": pieces, "login": logins, "world-keys": world_keys, "recording": recordings, "checkpoint": checkpoints,
     "model": models, "mission": missions, "description": descriptions,
 }  # fmt: skip
-_IN_MSGPACK = ("frame", "air", "note", "status", "from-drone", "from-world")
+_IN_MSGPACK = ("note", "status", "from-drone", "from-world")
 
 
 @cache

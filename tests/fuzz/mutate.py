@@ -217,6 +217,12 @@ def msgpack_changed(data: bytes, draw: random.Random) -> bytes:
         return bytes_changed(data, draw)
 
 
+def message_changed(data: bytes, draw: random.Random) -> bytes:
+    """A message with something wrong in it, be it of fixed layout or msgpack."""
+    fixed = data[:1] in (b"T", b"R") and draw.random() < 0.9
+    return bytes_changed(data, draw) if fixed else msgpack_changed(data, draw)
+
+
 def zip_changed(data: bytes, draw: random.Random) -> bytes:
     """A zip of files (arrays, say) with something wrong in one of them, or in the zip."""
     if draw.random() < 0.3:

@@ -14,14 +14,18 @@ from typing import Any
 from zlib import crc32
 
 import msgpack
+import numpy as np
 
+from agent.body.relayed import RelayedWorld
 from agent.policy import find_policy, model_file
+from agent.ports import Heard, heard_of
 from agent.radio.air import Air
+from agent.radio.hearing import Hearing
 from protocols.mission import policy_name, reading
-from protocols.mission.document import mission_yaml, parse_mission, read_mission_fields
+from protocols.mission.document import mission_yaml, parse_briefing, parse_mission, read_mission_fields
 from protocols.slots import notes
-from protocols.wire import certificates, endpoints, frames, keys, messages, pieces, sensed, status, vehicles
-from protocols.wire.frames import FrameError
+from protocols.wire import certificates, endpoints, frames, keys, messages, pieces, status, vehicles
+from protocols.wire.heard import unpack_heard
 from protocols.wire.keys import LinkError
 from rsc_swarm import options
 from rsc_swarm.flight.run_dir import RunDir
@@ -33,31 +37,36 @@ from rsc_swarm.study.tables.markdown import markdown
 from rsc_swarm.study.tables.result import as_csv, read_table
 from rsc_swarm.training.config import TrainingConfig, make_config
 from tests.fuzz import seeds
-from tests.fuzz.seeds import AGENTS, NOW, TAG
+from tests.fuzz.seeds import AGENTS, NOW
 from world.outlets.trajectory import Trajectory
 from world.server.credentials import Credentials
 
 # --- what comes over the air and the wire ------------------------------------------------------------------------------------
 
-_ROWS = frames.empty_frames(2)
-_CODEC = frames.FrameCodec(TAG, _ROWS)
-_AIR = Air("rsc", AGENTS, 2)
-_SENSED = sensed.empty_sensed(1)
-_SENSED_READER = sensed.SensedReader(_SENSED)
+_AIR = Air("rsc", AGENTS, messages.MAX_HEARD + 1)
+_EARS = Hearing(_AIR, AGENTS, AGENTS)
+_WORLD = RelayedWorld(7)
 
 
 def read_frame(data: bytes) -> None:
-    sender, note = _CODEC.decode(data, 1)
-    if frames.fault(_ROWS, 1, NOW, 200, AGENTS) < 0:
-        assert _CODEC.decode(_CODEC.encode(1, note), 0)[0] == sender
-        assert _ROWS.fixed[0] == _ROWS.fixed[1]
+    place = frames.FIXED.fields["sender"][1]
+    said = [(int.from_bytes(data[place : place + 2], "little"), data)]
+    before = sum(_EARS.rejected.values())
+    if _EARS.hear(NOW, heard_of(said)):
+        row = int(_EARS.believed[0])
+        note, again = _AIR.note(row), _AIR.pack(row)
+        assert _EARS.hear(NOW, heard_of([(said[0][0], again)])) == 1
+        assert _AIR.note(row) == note
+    else:
+        assert sum(_EARS.rejected.values()) == before + 1
 
 
-def read_air(data: bytes) -> None:
-    _AIR.unpack(data, 0)
-    said = _AIR.note(0)
-    _AIR.unpack(_AIR.pack(0), 1)
-    assert _AIR.note(1) == said
+def read_heard(data: bytes) -> None:
+    """The first byte says how many frames there are to be."""
+    if data:
+        count = _EARS.hear(NOW, Heard(np.frombuffer(data, np.uint8), 1, len(data), data[0]))
+        assert 0 <= count <= data[0]
+        assert len(list(unpack_heard(data[1:], data[0]))) >= count
 
 
 def _unpacked(data: bytes) -> Any:
@@ -87,20 +96,11 @@ def read_from_world(data: bytes) -> None:
     said = messages.unpack_from_world(data)
     messages.pack(said)
     if isinstance(said, messages.Tick):
-        for _, heard in zip(said.sources, said.heard, strict=False):
-            try:
-                _AIR.unpack(heard, 0)
-            except FrameError:
-                continue
+        _WORLD.take(said)
+        _WORLD.sense()
+        _EARS.hear(NOW, _WORLD.hear())
     if isinstance(said, messages.Welcome):
-        parse_mission(said.mission)
-
-
-def read_sensed(data: bytes) -> None:
-    near = data[32:].find(b"|")
-    packed = (data[:32], data[32 : 32 + near], data[33 + near :])
-    _SENSED_READER.read(packed)
-    assert sensed.SensedPacker(_SENSED).pack(0) == packed
+        parse_briefing(said.briefing, "analytic")
 
 
 _VEHICLE_MESSAGES = {

@@ -20,7 +20,16 @@ from protocols.slots.history import Swap
 from protocols.slots.notes import Acceptance, Assignment, Proposal, Refusal, SlotNote, encode
 from protocols.slots.seals import SEAL_BYTES, Sealed
 from protocols.wire import messages
-from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE, REASONS, FrameCodec, empty_frames, swarm_tag
+from protocols.wire.frames import (
+    FIXED,
+    MAX_KNOWN,
+    OBSERVATION_SIZE,
+    REASONS,
+    FrameWriter,
+    empty_frames,
+    swarm_tag,
+)
+from protocols.wire.heard import pack_heard
 from protocols.wire.login import Login
 from protocols.wire.messages import (
     Bye,
@@ -29,13 +38,13 @@ from protocols.wire.messages import (
     Ready,
     Refused,
     Reply,
-    Tick,
     Wait,
     Welcome,
+    make_tick,
     pack,
 )
 from protocols.wire.pieces import cut
-from protocols.wire.sensed import DISC, NEIGHBOUR, SensedPacker, empty_sensed
+from protocols.wire.sensed import SensedPacker, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from protocols.wire.vehicles import (
     Account,
@@ -93,7 +102,7 @@ def notes() -> Iterator[bytes]:
 
 
 def frames() -> Iterator[bytes]:
-    draw, rows = np.random.default_rng(0), empty_frames(1)
+    draw, rows = np.random.default_rng(0), empty_frames(1, TAG)
     for count, note in zip((0, 3, 5, MAX_KNOWN), _NOTES, strict=True):
         rows.tick[0] = NOW - 1 - count
         rows.motion[0] = draw.normal(0, 20, 4)
@@ -103,7 +112,15 @@ def frames() -> Iterator[bytes]:
         rows.known_count[0], rows.one_hop[0] = count, count // 2
         rows.known[0, :count] = draw.integers(0, AGENTS, count)
         rows.displacement[0, :count] = draw.normal(0, 6, (count, 2))
-        yield FrameCodec(TAG, rows).encode(0, encode(note))
+        rows.loud[0], rows.digest[0] = not (note.quiet and note.settled), note.digest
+        yield FrameWriter(rows).write(0, packed(encode(note)) if rows.loud[0] else b"")
+
+
+def heard() -> Iterator[bytes]:
+    place = FIXED.fields["sender"][1]
+    said = [(frame[place], frame) for frame in frames()]
+    for count in range(len(said) + 1):
+        yield bytes([count]) + pack_heard(said[:count])
 
 
 def statuses() -> Iterator[bytes]:
@@ -113,8 +130,8 @@ def statuses() -> Iterator[bytes]:
 def from_drone() -> Iterator[bytes]:
     yield made(Hello, version=messages.VERSION, process=7)
     yield made(Ready, process=messages.MAX_PROCESS)
-    yield made(Reply, process=7, tick=3, ax=0.5, ay=-0.5, slot=5, frame=b"frame", status=None)
-    yield made(Reply, process=7, ax=0.0, ay=0.0, frame=None, status=_STATUS)
+    yield pack(Reply(7, 3, 9, 0.5, -0.5, 5, b"frame", None))
+    yield pack(Reply(7, 0, 0, 0.0, 0.0, 0, None, _STATUS))
     yield made(Farewell, process=7, status=_STATUS)
 
 
@@ -130,17 +147,12 @@ def from_world() -> Iterator[bytes]:
         flight=bytes(8),
         datagram_key=b"",
     )
-    heard = list(frames())
-    yield made(Tick, tick=3, sensed=SensedPacker(rows).pack(0), sources=bytes(range(len(heard))), heard=heard)
+    said = list(frames())
+    yield pack(make_tick(3, 9, 2, SensedPacker(rows).pack(0), range(len(said)), said))
+    yield pack(make_tick(3, 9, -1, SensedPacker(empty_sensed(1)).pack(0)))
     yield made(Wait)
     yield made(Bye)
     yield made(Refused, process=7, why="no")
-
-
-def sensed() -> Iterator[bytes]:
-    near = np.zeros(2, NEIGHBOUR).tobytes()
-    yield bytes(32) + near + b"|" + np.zeros(1, DISC).tobytes()
-    yield bytes(32) + b"|"
 
 
 def vehicle_messages() -> Iterator[bytes]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from agent.policy import model_file
 from agent.policy.model_file import ModelFileError
+from agent.radio import hearing
 from agent.radio.air import Air
 from protocols.errors import SwarmError
 from protocols.mission import (
@@ -25,15 +26,14 @@ from protocols.wire import (
     certificates,
     endpoints,
     frames,
+    heard,
     keys,
     login,
     messages,
     pieces,
-    sensed,
     status,
     vehicles,
 )
-from protocols.wire.frames import FrameError
 from protocols.wire.login import Login
 from protocols.wire.messages import MessageError
 from protocols.wire.vehicles import VehicleMessageError
@@ -74,18 +74,14 @@ def is_declared(target: Target, error: Exception) -> bool:
 
 TARGETS = {
     "frame": Target(
-        readers.read_frame,
-        (FrameError,),
-        seeds.frames,
-        mutate.msgpack_changed,
-        (frames.FrameCodec.decode, frames.fault),
+        readers.read_frame, (), seeds.frames, mutate.bytes_changed, (frames.read_frame, frames.fault)
     ),
-    "air": Target(
-        readers.read_air,
-        (FrameError,),
-        seeds.frames,
-        mutate.msgpack_changed,
-        (Air.unpack, notes.quiet_digest),
+    "heard": Target(
+        readers.read_heard,
+        (),
+        seeds.heard,
+        mutate.bytes_changed,
+        (hearing.entry_end, hearing.hear_entry, hearing.Hearing, Air.read_note, heard.unpack_heard),
     ),
     "note": Target(
         readers.read_note,
@@ -110,10 +106,12 @@ TARGETS = {
         readers.read_from_drone,
         (MessageError,),
         seeds.from_drone,
-        mutate.msgpack_changed,
+        mutate.message_changed,
         (
             messages.unpack_from_drone,
             messages._unpack,
+            messages._unpack_reply,
+            messages._msgpack,
             messages._whole,
             messages._status,
             status.parse_status,
@@ -123,11 +121,8 @@ TARGETS = {
         readers.read_from_world,
         (MessageError, MissionError),
         seeds.from_world,
-        mutate.msgpack_changed,
-        (messages.unpack_from_world, messages._unpack, messages._typed),
-    ),
-    "sensed": Target(
-        readers.read_sensed, (ValueError,), seeds.sensed, mutate.bytes_changed, (sensed.SensedReader.read,)
+        mutate.message_changed,
+        (messages.unpack_from_world, messages._unpack, messages._unpack_tick, messages._typed),
     ),
     "vehicle": Target(
         readers.read_vehicle,

@@ -18,11 +18,11 @@ from protocols.wire.messages import (
     Ready,
     Refused,
     Reply,
-    Tick,
     Wait,
     Welcome,
+    make_tick,
 )
-from protocols.wire.sensed import MAX_NEAR, SensedPacker, SensedReader, empty_sensed
+from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES, SensedPacker, SensedReader, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus, parse_status
 
 STATUS = AgentStatus(3, 4, (0,) * 7, (0,) * len(SWAP_COUNTS), 99, bytes(range(6)))
@@ -37,7 +37,7 @@ FROM_DRONE = [
 ]
 FROM_WORLD = [
     Welcome(7, {"agents": 6}, bytes(6), 1, bytes(8), bytes(32)),
-    Tick(3, 9, 2, (b"a", b"b", b""), b"\x01", [b"frame"]),
+    make_tick(3, 9, 2, (bytes(32), bytes(40), b""), [1], [b"frame"]),
     Wait(),
     Bye(),
     Refused(7, "no"),
@@ -60,6 +60,9 @@ def test_what_the_world_says_is_read_as_it_was_written(message: messages.FromWor
         messages.unpack_from_drone(messages.pack(message), 6)
 
 
+REPLY = messages.pack(Reply(7, 3, 9, 0.5, -0.5, 5, b"frame", None))
+
+
 def deep(levels: int) -> bytes:
     return b"\x91" * levels + b"\x01"
 
@@ -80,11 +83,16 @@ def deep(levels: int) -> bytes:
         deep(60_000),
         bytes(70_000),
         messages.pack(Hello(messages.VERSION, 2**32)),
-        messages.pack(Reply(7, 3, 9, 1, 0.0, 5, None, None)),
+        b"R",
+        REPLY[:-1],
+        REPLY + b"\x00",
         messages.pack(Reply(7, 3, 9, 1e9, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 9, float("nan"), 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 9, 0.0, float("-inf"), 5, None, None)),
         messages.pack(Reply(7, 3, 9, 0.0, 0.0, 6, None, None)),
-        messages.pack(Reply(7, -1, 9, 0.0, 0.0, 5, None, None)),
-        messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, "text", None)),  # type: ignore[arg-type]
+        messages.pack(Reply(7, 2**31, 9, 0.0, 0.0, 5, None, None)),
+        messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, None, STATUS._replace(slot=-1))),
+        messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, None, 5)),  # type: ignore[arg-type]
         messages.pack(Farewell(7, STATUS._replace(view=b"short"))),
     ],
 )
@@ -116,7 +124,14 @@ def test_the_longest_that_an_honest_drone_says_is_taken_in() -> None:
     most = 2**64 - 1
     account = AgentStatus(249, 249, (most,) * 7, (most,) * len(SWAP_COUNTS), most, bytes(250))
     longest = Reply(
-        messages.MAX_PROCESS, 2**63, messages.MAX_PROOF, 0.5, -0.5, 249, bytes(MAX_FRAME_BYTES), account
+        messages.MAX_PROCESS,
+        messages.MAX_TICK,
+        messages.MAX_PROOF,
+        0.5,
+        -0.5,
+        249,
+        bytes(MAX_FRAME_BYTES),
+        account,
     )
     assert messages.unpack_from_drone(messages.pack(longest), 250) == longest
 
@@ -176,11 +191,11 @@ def test_messages_that_never_become_whole_are_not_kept() -> None:
 
 
 def test_what_a_drone_senses_and_hears_of_a_hundred_drones_travels_in_pieces() -> None:
-    crowd = Tick(
+    crowd = make_tick(
         0, 9, -1, (bytes(32), bytes(40 * MAX_NEAR), bytes(24)), bytes(96), [bytes(MAX_FRAME_BYTES)] * 96
     )
     cut = list(pieces.cut(messages.pack(crowd), 2**32 + 5))
-    assert len(cut) == 5
+    assert len(cut) == 6
     assert all(len(piece) < 65_535 for piece in cut)
 
 
@@ -195,16 +210,35 @@ def test_what_is_sensed_survives_the_wire() -> None:
     sent.near[2, :2] = [(4, 1, 2, 3, 4), (9, -1, -2, -3, -4)]
     sent.obstacles[2, 0] = (3, 4, 1.5)
     heard.near[0], heard.near_count[0] = (7, 7, 7, 7, 7), 9  # what an earlier tick left
-    SensedReader(heard).read(SensedPacker(sent).pack(2))
+    SensedReader(heard).read(b"".join(SensedPacker(sent).pack(2)), 0, 2, 1)
     assert (heard.position[0].tolist(), heard.velocity[0].tolist()) == ([0, 1], [2, 3])
     assert heard.near[0, : heard.near_count[0]].tolist() == sent.near[2, :2].tolist()
     assert heard.obstacles[0, : heard.obstacle_count[0]].tolist() == [(3.0, 4.0, 1.5)]
 
 
-def test_more_neighbours_than_a_drone_senses_are_refused() -> None:
-    crowd = bytes(8 * 5 * (MAX_NEAR + 1))
-    with pytest.raises(ValueError, match="not what a drone senses"):
-        SensedReader(empty_sensed(1)).read((bytes(32), crowd, b""))
+def test_a_tick_is_read_in_its_parts() -> None:
+    tick = messages.unpack_from_world(
+        messages.pack(make_tick(3, 9, -1, (bytes(32), bytes(80), bytes(24)), [4, 2], [b"one", b"other"]))
+    )
+    assert isinstance(tick, messages.Tick)
+    assert (tick.tick, tick.proof, tick.followed, tick.near, tick.obstacles) == (3, 9, -1, 2, 1)
+    assert tick.frames() == [(4, b"one"), (2, b"other")]
+
+
+@pytest.mark.parametrize(
+    "sensed",
+    [(bytes(32), bytes(40 * (MAX_NEAR + 1)), b""), (bytes(32), b"", bytes(24 * (MAX_OBSTACLES + 1)))],
+)
+def test_more_than_a_drone_senses_is_no_tick(sensed: tuple[bytes, bytes, bytes]) -> None:
+    with pytest.raises(MessageError):
+        messages.unpack_from_world(make_tick(3, 9, 2, sensed).data)
+
+
+@pytest.mark.parametrize("size", range(len(make_tick(3, 9, 2, (bytes(32), bytes(40), bytes(24))).data)))
+def test_a_tick_that_is_cut_off_is_refused(size: int) -> None:
+    whole = make_tick(3, 9, 2, (bytes(32), bytes(40), bytes(24))).data
+    with pytest.raises(MessageError):
+        messages.unpack_from_world(whole[:size])
 
 
 def as_sent(status: AgentStatus) -> Any:

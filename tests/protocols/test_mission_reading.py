@@ -185,7 +185,7 @@ def test_whatever_is_written_gives_a_mission_that_reads_back_or_one_line_that_na
     range_m=st.floats(5, 100),
     loss=st.floats(0, 1),
     seed=st.integers(0, 2**32 - 1),
-    name=st.text(min_size=1).filter(str.isprintable),
+    name=st.text(min_size=1, max_size=200).filter(str.isprintable),
 )
 def test_numbers_of_many_digits_survive_the_journey_through_yaml(
     speed: float, goal: float, range_m: float, loss: float, seed: int, name: str

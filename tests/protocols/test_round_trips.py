@@ -12,7 +12,7 @@ from protocols.dynamics import ABSURD_MPS2
 from protocols.wire import messages, pieces
 from protocols.wire.frames import MAX_FRAME_BYTES, REASONS
 from protocols.wire.login import Login
-from protocols.wire.messages import Farewell, FromDrone, Hello, Ready, Reply, Tick
+from protocols.wire.messages import Farewell, FromDrone, Hello, Ready, Reply, Tick, make_tick
 from protocols.wire.sensed import (
     DISC,
     MAX_NEAR,
@@ -43,6 +43,8 @@ STATUS = st.builds(
 )
 PUSH = st.floats(-ABSURD_MPS2, ABSURD_MPS2)
 FRAME = st.binary(max_size=MAX_FRAME_BYTES)
+SENT = st.binary(min_size=1, max_size=MAX_FRAME_BYTES)
+TICK = st.integers(0, messages.MAX_TICK)
 
 
 def made(kind: Any, **fields: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -54,7 +56,7 @@ SAID = st.one_of(
     made(Hello),
     made(Ready),
     made(Farewell, status=STATUS),
-    made(Reply, ax=PUSH, ay=PUSH, slot=SLOT, frame=st.none() | FRAME, status=st.none() | STATUS),
+    made(Reply, tick=TICK, ax=PUSH, ay=PUSH, slot=SLOT, frame=st.none() | SENT, status=st.none() | STATUS),
 )
 
 
@@ -73,9 +75,17 @@ def test_what_a_drone_says(said: FromDrone) -> None:
     assert messages.unpack_from_drone(messages.pack(said), AGENTS) == said
 
 
-@given(made(Tick, sensed=st.tuples(FRAME, FRAME, FRAME), sources=FRAME, heard=st.lists(FRAME, max_size=5)))
-def test_a_tick(tick: Tick) -> None:
-    assert messages.unpack_from_world(messages.pack(tick)) == tick
+HEARD = st.lists(st.tuples(st.integers(0, 2**16 - 1), FRAME), max_size=5)
+
+
+@given(tick=TICK, followed=st.integers(-1, messages.MAX_TICK), proof=PROCESS, heard=HEARD)
+def test_a_tick(tick: int, followed: int, proof: int, heard: list[tuple[int, bytes]]) -> None:
+    sources, frames = [source for source, _ in heard], [frame for _, frame in heard]
+    said = make_tick(tick, proof, followed, (bytes(32), bytes(80), bytes(24)), sources, frames)
+    read = messages.unpack_from_world(messages.pack(said))
+    assert read == said
+    assert isinstance(read, Tick)
+    assert read.frames() == heard
 
 
 @given(near=st.integers(0, MAX_NEAR), obstacles=st.integers(0, MAX_OBSTACLES), seed=st.integers(0, 2**32 - 1))
@@ -86,7 +96,7 @@ def test_what_is_sensed(near: int, obstacles: int, seed: int) -> None:
     sent.near[1, :near] = np.frombuffer(draw.bytes(near * NEIGHBOUR.itemsize), NEIGHBOUR)
     sent.obstacles[1, :obstacles] = np.frombuffer(draw.bytes(obstacles * DISC.itemsize), DISC)
     packed = SensedPacker(sent).pack(1)
-    SensedReader(heard).read(packed)
+    SensedReader(heard).read(b"before" + b"".join(packed), 6, near, obstacles)
     assert SensedPacker(heard).pack(0) == packed
 
 

@@ -11,7 +11,7 @@ from protocols.slots.history import MAX_LEAP, Swap, pack_swap
 from protocols.slots.notes import Acceptance, Proposal, Refusal, decode
 from protocols.slots.seals import SEAL_BYTES, Sealed, Stamps
 from protocols.slots.signatures import KEY_BYTES, Signatures, public_key
-from protocols.wire.frames import MAX_FRAME_BYTES, MAX_KNOWN, FrameCodec, empty_frames
+from protocols.wire.frames import MAX_FRAME_BYTES, MAX_KNOWN, FrameWriter, empty_frames
 
 PRIVATE = [bytes([agent]) * KEY_BYTES for agent in range(3)]
 PUBLIC = [public_key(key) for key in PRIVATE]
@@ -162,4 +162,4 @@ def test_the_largest_note_fits_into_a_frame(agents: int) -> None:
         had=(1 << agents) - 1,
     )
     assert swaps_per_note(agents) >= 4
-    assert len(FrameCodec(1, frames).encode(0, encode(note))) <= MAX_FRAME_BYTES
+    assert len(FrameWriter(frames).write(0, msgpack.packb(encode(note)))) <= MAX_FRAME_BYTES
