@@ -10,8 +10,8 @@
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
 """
 
-import itertools
 import json
+import math
 import os
 import re
 import time
@@ -29,7 +29,7 @@ from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON, WORLD_RUNTIME, few_threads, secret
 from world.server.credentials import Credentials
 from world.server.datagrams import WorldDatagrams
-from world.server.pipes import Lookout
+from world.server.pipes import LOOK_S, Lookout
 
 
 def _check_endpoints(credentials: Credentials, endpoints: Sequence[str]) -> None:
@@ -162,7 +162,6 @@ class WorldLink(Closing):
         self._turned_away = [0 for _ in agents]
         self._barred: set[int] = set()
         self._sends = 0
-        self._numbers = itertools.count()
         self._waits = False
         self._session = _open_router(credentials, endpoints)
         try:
@@ -189,9 +188,12 @@ class WorldLink(Closing):
     def send(self, agent: int, payload: bytes) -> None:
         """Send to one agent. An agent that is not connected does not get it, now or later."""
         self._sends += 1
-        self._lookout.sending = self._sends
-        for piece in pieces.cut(payload, next(self._numbers)):
-            self._publishers[agent].put(piece)
+        self._lookout.sending, put = self._sends, self._publishers[agent].put
+        if len(payload) <= pieces.LONGEST and pieces.is_whole(payload):
+            put(payload)
+        else:
+            for piece in pieces.cut(payload, self._sends):
+                put(piece)
         self._lookout.sending = None
 
     def offer(self, agent: int, process: int) -> bytes | None:
@@ -221,17 +223,17 @@ class WorldLink(Closing):
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         """The next message and the agent that sent it; None if none comes in about ``timeout_s`` (0: no wait)."""
-        until = time.monotonic() + timeout_s if timeout_s > 0.0 else 0.0
-        self._waits = timeout_s > 0.0
+        self._waits, until = timeout_s > 0.0, math.inf
         while True:
             sample = self._heard.recv() if self._waits else self._heard.try_recv()
             if sample is None:
                 return None
-            agent, payload = self._agent_of_key.get(str(sample.key_expr)), sample.payload
+            agent, data = self._agent_of_key.get(str(sample.key_expr)), sample.payload.to_bytes()
             if agent is not None and agent not in self._barred:
-                if len(payload) <= messages.MAX_FROM_DRONE:
-                    return agent, payload.to_bytes()
+                if len(data) <= messages.MAX_FROM_DRONE:
+                    return agent, data
                 self._turned_away[agent] += 1
+            until = min(until, time.monotonic() + timeout_s - LOOK_S)  # the first beat may come at once
             if time.monotonic() >= until:
                 return None
 

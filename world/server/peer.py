@@ -95,9 +95,10 @@ class Peer:
         if asked is None or asked[0] != proof:
             return False
         self._read_bytes, self._granted, self.answered = max(self._read_bytes, asked[1]), False, tick
-        self._excess -= 1.0  # this one was asked for
-        for answered in [open_ for open_ in self._open if open_ <= tick]:
-            del self._open[answered]
+        if len(self._open) == 1:
+            self._open.clear()
+        else:
+            self._open = {later: said for later, said in self._open.items() if later > tick}
         return True
 
     def arrive(self) -> None:
@@ -138,7 +139,7 @@ class Peer:
         return len(self._open) > BACKLOG
 
     def says(self, now_s: float, messages_: float = 1.0) -> None:
-        """It has sent so many messages."""
+        """It has sent so many messages that nobody asked for."""
         self._excess = max(0.0, self._excess - EXCESS_PER_S * (now_s - self._excess_at)) + messages_
         self._excess_at = now_s
 

@@ -213,9 +213,9 @@ class WorldServer:
             if now >= self._look_at:
                 self._look(now)
                 waiting = self._look_at_late(waiting, now)
-            if self._control.leaving():
-                return False
-        return True
+                if self._control.leaving():
+                    return False
+        return not self._control.leaving()
 
     def _look_at_late(self, waiting: set[int], now: float) -> set[int]:
         """Lose those for whom patience is over; who of ``waiting`` is still awaited."""
@@ -291,12 +291,17 @@ class WorldServer:
         return None if received is None else self._take(*received)
 
     def _take(self, agent: int, data: bytes) -> int | None:
+        """Take in a message; return its sender, or None if it was none of a drone of this flight."""
         peer = self.peers[agent]
-        peer.says(self._time.now())
         try:
             message = messages.unpack_from_drone(data, self._mission.agents)
         except messages.MessageError:
+            peer.says(self._time.now())
             return None
+        answers = isinstance(message, messages.Reply) and message.process == peer.process
+        if not (answers and peer.answer(message.tick, message.proof)):  # type: ignore[union-attr]
+            peer.says(self._time.now())
+            answers = False
         if isinstance(message, messages.Hello):
             self._greet(agent, message)
             return agent
@@ -307,7 +312,7 @@ class WorldServer:
         if rival is not None:
             self._reception.refuse(agent, rival)
         if isinstance(message, messages.Reply):
-            if peer.answer(message.tick, message.proof):
+            if answers:
                 self._heard_bytes += len(data)
                 self._said.take(agent, message)
         elif isinstance(message, messages.Ready):
