@@ -222,7 +222,14 @@ class WorldLink(Closing):
         self._barred.add(agent)
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
-        """The next message and the agent that sent it; None if none comes in about ``timeout_s`` (0: no wait)."""
+        """The next message and the agent that sent it; None if none comes in about ``timeout_s`` (0: no wait). What comes in a
+        wait that is shorter than a beat is read at its end.
+        """
+        if 0.0 < timeout_s < LOOK_S:
+            if (received := self.receive(0.0)) is not None:
+                return received
+            time.sleep(timeout_s)
+            timeout_s = 0.0
         self._waits, until = timeout_s > 0.0, math.inf
         while True:
             sample = self._heard.recv() if self._waits else self._heard.try_recv()

@@ -230,12 +230,11 @@ class WorldServer:
         return left
 
     def _keep_time(self, awake: list[int], tick: int) -> bool:
-        """Sleep until the clock says that the tick is over, and read what came; who has not answered lately has its failsafe. As
-        `_await`."""
+        """Receive until the clock says that the tick is over; who has not answered lately has its failsafe. As `_await`."""
         deadline = self._started + (tick + 1) * TICK_S
         while (left := deadline - self._time.now()) > 0:
-            time.sleep(left)
-        for _ in range(_MOST_A_TICK):  # no flood holds up the next one
+            self._receive(left)
+        for _ in range(_MOST_A_TICK):  # what came in the meantime, but no flood
             if (received := self._link.receive(0)) is None:
                 break
             self._take(*received)
