@@ -61,7 +61,7 @@ class VirtualNet(Loopback):
             if isinstance(what, bytes):
                 return agent, what
             if what.tick > self.drones[agent].world.tick:
-                self._carry(agent, messages.pack(self.drones[agent].answer(what)))
+                self._carry(agent, self.drones[agent].answer(what))
         self.now = until
         return None
 

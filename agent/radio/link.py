@@ -19,6 +19,7 @@ from typing import Any
 import zenoh
 
 from agent.radio.datagrams import AgentDatagrams
+from protocols.beat import Beat
 from protocols.closing import Closing
 from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
@@ -115,7 +116,6 @@ class AgentLink(Closing):
         leaving: Callable[[], bool] = lambda: False,
     ) -> None:
         deadline = time.monotonic() + connect_timeout_s
-        self._waits, self._over = False, threading.Event()
         self._endpoint, self._agent = endpoint, login.agent
         self._datagrams: AgentDatagrams | None = None
         self._joiner = pieces.Joiner()
@@ -147,12 +147,7 @@ class AgentLink(Closing):
         except BaseException:
             self._session.close()
             raise
-        threading.Thread(target=self._beat, daemon=True).start()
-
-    def _beat(self) -> None:
-        while not self._over.wait(_BEAT_S):
-            if self._waits:
-                self._put_in(b"")
+        self._beat = Beat(_BEAT_S, lambda: self._put_in(b""))
 
     def _put_in(self, message: bytes) -> None:
         with suppress(zenoh.ZError):  # closed meanwhile
@@ -176,10 +171,11 @@ class AgentLink(Closing):
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next message, oldest first; None when none comes in about ``timeout_s`` (0: do not wait)."""
-        self._waits = timeout_s > 0.0
         until = math.inf
         while True:
-            sample = self._heard.recv() if self._waits else self._heard.try_recv()
+            self._beat.waiting = timeout_s > 0.0
+            sample = self._heard.recv() if timeout_s > 0.0 else self._heard.try_recv()
+            self._beat.waiting = False
             if sample is None:
                 return None
             data = sample.payload.to_bytes()
@@ -194,7 +190,7 @@ class AgentLink(Closing):
                 return None
 
     def close(self) -> None:
-        self._over.set()
+        self._beat.close()
         if self._datagrams is not None:
             self._datagrams.close()
         if not self._session.is_closed():

@@ -22,6 +22,7 @@ from typing import Any
 
 import zenoh
 
+from protocols.beat import Beat
 from protocols.closing import Closing
 from protocols.wire import keys, messages, pieces
 from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
@@ -29,7 +30,7 @@ from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON, WORLD_RUNTIME, few_threads, secret
 from world.server.credentials import Credentials
 from world.server.datagrams import WorldDatagrams
-from world.server.pipes import LOOK_S, Lookout
+from world.server.pipes import Lookout
 
 
 def _check_endpoints(credentials: Credentials, endpoints: Sequence[str]) -> None:
@@ -143,6 +144,7 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         os.close(dictionary)
 
 
+_BEAT_S = 0.1
 # Messages of all agents that wait to be read. Zenoh's receiving thread waits while there are so many.
 _MOST_WAITING = 1024
 
@@ -157,21 +159,17 @@ class WorldLink(Closing):
         """``realtime``: hear and send datagrams besides."""
         _check_endpoints(credentials, endpoints)
         swarm, agents = credentials.swarm, range(len(credentials.passwords))
-        self._keys = [keys.tx(swarm, agent) for agent in agents]
+        self._keys, self._pulse = [keys.tx(swarm, agent) for agent in agents], keys.pulse(swarm)
         self._agent_of_key = {key: agent for agent, key in enumerate(self._keys)}
         self._turned_away = [0 for _ in agents]
         self._barred: set[int] = set()
         self._sends = 0
-        self._waits = False
         self._session = _open_router(credentials, endpoints)
         try:
             # All that comes goes into this one channel without passing through Python: what agents say, datagrams, and a beat
             # that nobody else can put there, by which a wait ends.
             self._heard = self._session.declare_subscriber(
                 keys.every_tx(swarm), zenoh.handlers.FifoChannel(_MOST_WAITING)
-            )
-            self._pulse = self._session.declare_publisher(
-                keys.pulse(swarm), allowed_destination=zenoh.Locality.SESSION_LOCAL
             )
             self._publishers = [
                 self._session.declare_publisher(
@@ -183,7 +181,7 @@ class WorldLink(Closing):
         except BaseException:
             self._session.close()
             raise
-        self._lookout = Lookout(self._beat)
+        self._lookout, self._beat = Lookout(), Beat(_BEAT_S, self._wake)
 
     def send(self, agent: int, payload: bytes) -> None:
         """Send to one agent. An agent that is not connected does not get it, now or later."""
@@ -205,13 +203,14 @@ class WorldLink(Closing):
         return self._datagrams.send(agent, payload)
 
     def _hear_datagram(self, agent: int, message: bytes) -> None:
-        with suppress(zenoh.ZError):  # closed meanwhile
-            self._session.put(self._keys[agent], message, allowed_destination=zenoh.Locality.SESSION_LOCAL)
+        self._put_in(self._keys[agent], message)
 
-    def _beat(self) -> None:
-        if self._waits:
-            with suppress(zenoh.ZError):  # closed meanwhile
-                self._pulse.put(b"")
+    def _wake(self) -> None:
+        self._put_in(self._pulse, b"")
+
+    def _put_in(self, key: str, message: bytes) -> None:
+        with suppress(zenoh.ZError):  # closed meanwhile
+            self._session.put(key, message, allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
     def turned_away(self, agent: int) -> int:
         """Messages of this agent so far that were too long."""
@@ -225,14 +224,16 @@ class WorldLink(Closing):
         """The next message and the agent that sent it; None if none comes in about ``timeout_s`` (0: no wait). What comes in a
         wait that is shorter than a beat is read at its end.
         """
-        if 0.0 < timeout_s < LOOK_S:
+        if 0.0 < timeout_s < _BEAT_S:
             if (received := self.receive(0.0)) is not None:
                 return received
             time.sleep(timeout_s)
             timeout_s = 0.0
-        self._waits, until = timeout_s > 0.0, math.inf
+        until = math.inf
         while True:
-            sample = self._heard.recv() if self._waits else self._heard.try_recv()
+            self._beat.waiting = timeout_s > 0.0
+            sample = self._heard.recv() if timeout_s > 0.0 else self._heard.try_recv()
+            self._beat.waiting = False
             if sample is None:
                 return None
             agent, data = self._agent_of_key.get(str(sample.key_expr)), sample.payload.to_bytes()
@@ -240,12 +241,13 @@ class WorldLink(Closing):
                 if len(data) <= messages.MAX_FROM_DRONE:
                     return agent, data
                 self._turned_away[agent] += 1
-            until = min(until, time.monotonic() + timeout_s - LOOK_S)  # the first beat may come at once
+            until = min(until, time.monotonic() + timeout_s - _BEAT_S)  # the first beat may come at once
             if time.monotonic() >= until:
                 return None
 
     def close(self) -> None:
         self._lookout.close()
+        self._beat.close()
         self._datagrams.close()
         if not self._session.is_closed():
             with suppress(zenoh.ZError):  # over a bad network its farewells may not come through

@@ -12,19 +12,19 @@ import stat
 import struct
 import termios
 import threading
-from collections.abc import Callable
 
-# So many looks find the same send: it does not end. A process that is stopped does not look.
-LOOK_S, LOOKS = 0.1, 40
+LOOK_S, LOOKS = (
+    0.5,
+    8,
+)  # so many looks find the same send: it does not end. A process that is stopped does not look.
 _FULL_BYTES = 50_000  # a pipe with less in it is not what a send waits for
 
 
 class Lookout:
-    """Looks on while it is open, and calls ``beat`` each time. ``sending``: the number of the send under way, else None."""
+    """Looks on while it is open. ``sending``: the number of the send that is under way, else None."""
 
-    def __init__(self, beat: Callable[[], None]) -> None:
+    def __init__(self) -> None:
         self.sending: int | None = None
-        self._beat = beat
         self._over = threading.Event()
         threading.Thread(target=self._look, daemon=True).start()
 
@@ -36,7 +36,6 @@ class Lookout:
         last: int | None = None
         seen = 0
         while not self._over.wait(LOOK_S):
-            self._beat()
             now = self.sending
             seen = seen + 1 if now is not None and now == last else 0
             last = now
