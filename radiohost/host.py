@@ -139,7 +139,7 @@ class RadioHost(Closing):
         self._session.declare_subscriber(vehicles.order_key(swarm, None), self._hear)
         self._session.declare_subscriber(vehicles.fix_key(swarm, None), self._fix)
 
-    def open(self, timeout_s: float = 20.0) -> None:
+    def open(self, timeout_s: float = 60.0) -> None:
         """Reach all charges.
 
         Raises:

@@ -4,6 +4,7 @@ import logging
 import math
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -18,11 +19,12 @@ from protocols.errors import BrokenError
 from protocols.keeper import Act, Arm, Cut, Land, Seen, Stream, TakeOff
 from protocols.wire.vehicles import Vector
 
-_TRY_S = 4.0  # over UDP cflib never resends: who waits for an answer that was lost waits for ever
+_QUIET_S = 1.5  # over UDP cflib never resends: who waits for an answer that was lost waits for ever
+_CONSOLE, _LINK = 0, 15  # ports that speak by themselves
 _LOG_PERIOD_MS = 10
 _LOST_PACKETS = 2000  # in a row, some seconds of them: then cflib gives the link up, and it is made anew
 _REACH_M = 32.0  # positions travel as 16 bits of millimetres
-_MELLINGER = 2  # it tracks a way four to six times closer than the PID
+_UINT8, _MELLINGER = 0x08, 2  # it tracks a way four to six times closer than the PID
 _UNSURE = 0.1**2  # m²: an estimate whose variance is larger than this is none
 _IS_ARMED, _ARMS_ITSELF, _IS_FLYING, _IS_TUMBLED, _IS_LOCKED = (1 << bit for bit in (1, 2, 4, 5, 6))
 # All that is needed fits into the 26 bytes of one packet.
@@ -32,8 +34,8 @@ _LOGGED = {
     "kalman.varPX": "FP16",
     "kalman.varPY": "FP16",
     "supervisor.info": "uint16_t",
-    "pm.batteryLevel": "uint8_t",
 }
+_BATTERY = "pm.batteryLevel"  # firmware in the loop has none
 
 
 class LineError(BrokenError, RuntimeError):
@@ -43,6 +45,9 @@ class LineError(BrokenError, RuntimeError):
 def init_drivers() -> None:
     """Once per process, before any line is opened."""
     logging.getLogger("cflib").setLevel(logging.CRITICAL)
+    warnings.filterwarnings(
+        "ignore", message=".*subsystem requires CRTP protocol"
+    )  # firmware older than cflib
     radiodriver.set_retries_before_disconnect(_LOST_PACKETS)
     cflib.crtp.init_drivers()
 
@@ -70,20 +75,19 @@ class Line:
             LineError: it is not there, within ``timeout_s``, or has no such variable.
         """
         deadline = time.monotonic() + timeout_s
-        while True:
-            left = deadline - time.monotonic()
-            if left <= 0.0:
+        while not self._connect(deadline):
+            if time.monotonic() > deadline:
                 raise LineError(
                     f"nothing answers at {self.uri} within {timeout_s:g} s: is it switched on, is its address right, "
                     "is the dongle in?"
                 )
-            if self._connect(min(_TRY_S, left)):
-                break
         try:
-            self._cf.param.set_value("stabilizer.controller", _MELLINGER)
+            self._set_controller()
             log = LogConfig("rsc", _LOG_PERIOD_MS)
             for name, form in _LOGGED.items():
                 log.add_variable(name, form)
+            if self._cf.log.toc.get_element_by_complete_name(_BATTERY):
+                log.add_variable(_BATTERY, "uint8_t")
             self._cf.log.add_config(log)
         except (KeyError, AttributeError) as error:
             self.close()
@@ -91,13 +95,25 @@ class Line:
         log.data_received_cb.add_callback(lambda _, data, __: self._read(data))
         log.start()
 
-    def _connect(self, timeout_s: float) -> bool:
-        there = threading.Event()
+    def _connect(self, deadline: float) -> bool:
+        """Try until nothing comes any more. The first time its tables of contents take a while; the values of all its
+        parameters, which cflib asks for then, nobody waits for.
+        """
+        there, heard_at = threading.Event(), time.monotonic()
+
+        def hear(packet: Any) -> None:
+            nonlocal heard_at
+            if packet.port not in (_CONSOLE, _LINK):
+                heard_at = time.monotonic()
+
         self._cf = Crazyflie(rw_cache=self._cache)
-        self._cf.fully_connected.add_callback(lambda _: there.set())
+        self._cf.connected.add_callback(lambda _: there.set())
+        self._cf.packet_received.add_callback(hear)
         self._cf.open_link(self.uri)
-        if there.wait(timeout_s):
-            return True
+        while time.monotonic() < min(deadline, heard_at + _QUIET_S):
+            if there.wait(0.05):
+                self._cf.packet_received.remove_callback(hear)
+                return True
         self.close()
         return False
 
@@ -106,6 +122,9 @@ class Line:
         if self._cf.link is None:
             with suppress(Exception):  # whatever its drivers raise: tried again the next time
                 self._cf.link = cflib.crtp.get_link_driver(self.uri, lambda _: None, self._cf._link_error_cb)
+
+    def _set_controller(self) -> None:
+        self._cf.param.set_value_raw("stabilizer.controller", _UINT8, _MELLINGER)
 
     def do(self, act: Act) -> None:
         """Tell it. Waits for up to 2 s while it is out of reach."""
@@ -118,6 +137,7 @@ class Line:
                     _within(p), _within(v), _within(a), turned, 0.0, 0.0, 0.0
                 )
             case TakeOff(height, duration_s):
+                self._set_controller()  # again: nothing says whether it was heard
                 cf.high_level_commander.takeoff(height, duration_s, yaw=None)
             case Land(duration_s):
                 land(cf, duration_s)
@@ -144,7 +164,7 @@ class Line:
             v=(vx, vy, vz),
             yaw=yaw,
             tilt=math.acos(max(-1.0, min(1.0, math.cos(roll) * math.cos(pitch)))),
-            battery=min(1.0, data["pm.batteryLevel"] / 100),
+            battery=min(1.0, data.get(_BATTERY, 100) / 100),
             armed=bool(bits & _IS_ARMED),
             arms_itself=bool(bits & _ARMS_ITSELF),
             flying=bool(bits & _IS_FLYING),

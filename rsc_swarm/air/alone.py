@@ -23,7 +23,7 @@ from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.service import Service
 
-_OPEN_S = 20.0
+_OPEN_S = 60.0  # the first time a radio host reads long tables from its Crazyflies
 
 
 def fly_drone(

@@ -9,6 +9,7 @@ from agent.air.trouble import Trouble
 from protocols.errors import ExitCode
 from protocols.fleet.plan import Plan
 from rsc_swarm.air.alone import fly_drone, load
+from rsc_swarm.air.radios import be_host, radios_of
 from rsc_swarm.flight.processes import Supervisor
 from rsc_swarm.machine.leaving import leave_when_asked
 
@@ -22,9 +23,14 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
     A drone that is gone is told of, and not started again: its vehicle is landing by its own failsafe. If this process is
     killed, the drones land too.
     """
+    radios = radios_of(plan)
+    for doubt in (doubt for radio in radios for doubt in radio.doubts):
+        print(f"rsc-swarm: {doubt}", file=sys.stderr, flush=True)
     load(plan)
     worst = ExitCode.SUCCEEDED
     with leave_when_asked() as leave, Supervisor() as drones:
+        for radio in radios:
+            drones.start(f"radio host {radio.dongle}", be_host, radio, at_launcher_death=signal.SIGTERM)
         for me in range(plan.mission.agents):
             folder = run_dir / f"drone-{me}" if run_dir else None
             drones.start(

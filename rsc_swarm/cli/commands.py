@@ -11,6 +11,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     launch,
     mission,
     plot,
+    radio,
     schema,
     selfcheck,
     simulate,

@@ -122,7 +122,7 @@ class FakeCrazyflie:
         answer = self._ports().get((port, channel))
         try:
             replies = list(answer(data)) if answer else []
-        except (struct.error, IndexError, KeyError):
+        except (struct.error, IndexError, KeyError, ValueError):
             return []  # as the real one: what it does not understand it does not answer
         return [bytes([datagram[0]]) + reply for reply in replies]
 
@@ -131,6 +131,7 @@ class FakeCrazyflie:
             (2, 0): lambda data: _contents(data, [(t, name) for name, t in PARAMETERS.items()]),
             (2, 1): self._read_parameter,
             (2, 2): self._write_parameter,
+            (2, 3): self._write_by_name,
             (3, 0): self._roll_pitch_yaw_thrust,
             (4, 0): lambda data: iter([bytes([data[0], 0])]),  # no memories
             (5, 0): lambda data: _contents(data, [(t, name) for name, t in VARIABLES.items()]),
@@ -159,6 +160,13 @@ class FakeCrazyflie:
         if name == "stabilizer.stop" and self._parameters[name]:
             self.stage = Stage.LOCKED
         yield data
+
+    def _write_by_name(self, data: bytes) -> Iterator[bytes]:
+        if data[0] == 0:
+            group, name, value = data[1:].split(b"\0", 2)
+            index = list(PARAMETERS).index(f"{group.decode()}.{name.decode()}")
+            list(self._write_parameter(struct.pack("<H", index) + value[1:]))
+            yield data[:1] + group + b"\0" + name + b"\0\0"
 
     def _roll_pitch_yaw_thrust(self, data: bytes) -> Iterator[bytes]:
         *_, thrust = struct.unpack("<fffH", data)

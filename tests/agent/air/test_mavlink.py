@@ -20,7 +20,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from agent.air.mavlink import MavlinkVehicle, parse_address
 from agent.air.telemetry import Telemetry
-from agent.air.vehicle import Mode, Rig, Setpoint, State, VehicleAddressError, VehicleError, make_vehicle
+from agent.air.vehicle import (
+    Failsafe,
+    Mode,
+    Rig,
+    Setpoint,
+    State,
+    VehicleAddressError,
+    VehicleError,
+    make_vehicle,
+)
 from tests.fakes.autopilot import FakeAutopilot, Make
 from tests.fakes.udp import Wires
 
@@ -335,9 +344,10 @@ def free_port() -> int:
 @both
 def test_it_flies_over_udp_in_real_time(make: Make) -> None:
     fake, port = FakeAutopilot(make, START), free_port()
-    vehicle = make_vehicle(
-        f"mavlink:udpin:127.0.0.1:{port}?autopilot={make.name.lower()}", Rig(0, START, 2.0, 3.0)
-    )
+    patient = Rig(
+        0, START, 2.0, 3.0, failsafe=Failsafe(3.0, 30.0)
+    )  # this process may have to wait for its turn
+    vehicle = make_vehicle(f"mavlink:udpin:127.0.0.1:{port}?autopilot={make.name.lower()}", patient)
 
     def until(so: Callable[[State], bool]) -> State:
         deadline = time.monotonic() + 20.0

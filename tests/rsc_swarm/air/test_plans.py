@@ -19,7 +19,9 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     return int(left.value.code or 0)
 
 
-@pytest.mark.parametrize(("name", "size"), [("room.yaml", (6, 4)), ("hall.yaml", (12, 8))])
+@pytest.mark.parametrize(
+    ("name", "size"), [("room.yaml", (6, 4)), ("hall.yaml", (12, 8)), ("six.yaml", (6, 4))]
+)
 def test_the_examples_can_be_flown_in_the_rooms_they_are_for(name: str, size: tuple[float, float]) -> None:
     plan = read_plan(EXAMPLES / name)
     fence = plan.fleet.fence

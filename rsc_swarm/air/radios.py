@@ -1,0 +1,103 @@
+"""The radio hosts of a fleet: which dongle leads which Crazyflies, and how the program of one is started.
+
+That program is `radiohost`, a process of its own: it alone knows cflib, which is under the GPL.
+"""
+
+import json
+import os
+import sys
+from dataclasses import asdict
+from typing import NamedTuple, NoReturn
+
+from protocols.fleet.document import DroneSpec, FleetError
+from protocols.fleet.plan import Plan
+from protocols.keeper import Limits
+from protocols.wire.vehicles import dongle_of, host_endpoint
+
+KIND = "crazyflie:"
+MOST_CRAZYFLIES = 3  # that one dongle can lead at 50 Hz
+
+
+class Radio(NamedTuple):
+    """A dongle. drones: number and address (of cflib) of each that it leads. limits: of all."""
+
+    dongle: int
+    endpoint: str
+    drones: tuple[tuple[int, str], ...]
+    swarm: str
+    limits: Limits
+
+    @property
+    def settings(self) -> str:
+        """As ``python -m radiohost`` wants them."""
+        limits = asdict(self.limits)
+        charges = [{"drone": drone, "uri": uri, "limits": limits} for drone, uri in self.drones]
+        return json.dumps({"swarm": self.swarm, "endpoint": self.endpoint, "charges": charges})
+
+    @property
+    def doubts(self) -> list[str]:
+        """What may go wrong with it."""
+        sharing = [drone for drone, uri in self.drones if uri.startswith("radio://")]
+        if len(sharing) <= MOST_CRAZYFLIES:
+            return []
+        return [
+            f"dongle {self.dongle} leads {len(sharing)} Crazyflies: more than {MOST_CRAZYFLIES} are led badly by one; "
+            "share them out among more"
+        ]
+
+
+def radios_of(plan: Plan) -> tuple[Radio, ...]:
+    """All that a fleet needs, by their dongles.
+
+    Raises:
+        FleetError: a Crazyflie has an address that is none, or two dongles have one endpoint.
+    """
+    led: dict[tuple[int, str], list[tuple[int, str]]] = {}
+    for spec in plan.fleet.drones:
+        if spec.body.startswith(KIND):
+            uri = spec.body.removeprefix(KIND)
+            dongle = _dongle(spec, uri)
+            endpoint = spec.options.get("host", host_endpoint(dongle))
+            led.setdefault((dongle, endpoint), []).append((spec.number, uri))
+    endpoints = [endpoint for _, endpoint in led]
+    for dongle, endpoint in led:
+        if endpoints.count(endpoint) > 1:
+            raise FleetError(
+                f"drones: host: {endpoint} is that of dongle {dongle} and of another; give each its own"
+            )
+    limits = Limits(braking_mps2=0.5 * plan.acceleration_mps2)
+    return tuple(
+        Radio(dongle, endpoint, tuple(drones), plan.mission.swarm, limits)
+        for (dongle, endpoint), drones in sorted(led.items())
+    )
+
+
+def radio_of(plan: Plan, dongle: int | None) -> Radio:
+    """The one of a dongle; None: of the only one there is.
+
+    Raises:
+        FleetError: there is none, or there are several; or as `radios_of`.
+    """
+    radios = [radio for radio in radios_of(plan) if dongle in (None, radio.dongle)]
+    if len(radios) == 1:
+        return radios[0]
+    if radios:
+        numbers = ", ".join(str(radio.dongle) for radio in radios)
+        raise FleetError(f"--dongle: this fleet has several ({numbers}): say which")
+    which = "" if dongle is None else f" on dongle {dongle}"
+    raise FleetError(
+        f"no drone of this fleet is a Crazyflie{which}: one has body: crazyflie:radio://0/80/2M/E7E7E7E701"
+    )
+
+
+def be_host(radio: Radio) -> NoReturn:
+    """Become the program of a radio host."""
+    os.execv(sys.executable, [sys.executable, "-m", "radiohost", radio.settings])
+
+
+def _dongle(spec: DroneSpec, uri: str) -> int:
+    try:
+        named = dongle_of(uri)
+    except ValueError as error:
+        raise FleetError(f"drones: {spec.number}: body: {error}") from None
+    return named if spec.dongle is None else spec.dongle

@@ -1,0 +1,117 @@
+"""Fleets whose vehicles are those of other makers: real client libraries, fake vehicles, real processes, no world."""
+
+import itertools
+import json
+import math
+import socket
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from protocols.closing import Closing
+from rsc_swarm.air.plans import read_plan
+from tests.fakes.motion import Motion
+from tests.fakes.udp import Wires
+from tests.scenarios.fleets import EXAMPLES, Fleet
+
+STARTS = [drone["start_m"] for drone in yaml.safe_load((EXAMPLES / "room.yaml").read_text())["drones"]]
+OFF_THE_GROUND_M = 0.1
+MOST_MISSED = (
+    0.05  # ticks; on a machine that cannot keep up all still land safely, but perhaps not in formation
+)
+# All processes of this test have to wait for their turns on a busy machine; how fast a guard is, tests of its own say.
+PATIENCE = {
+    "position_hold_s": 1.0,
+    "position_land_s": 5.0,
+    "clock_hold_ms": 500,
+    "clock_land_ms": 2000,
+    "jump_m": 1.5,
+}
+
+
+class Ruler(Closing):
+    """Measures, 50 times a second, how near to each other those come that are off the ground: the truth, whoever flew where."""
+
+    def __init__(self, wires: Wires, motions: Sequence[Motion]) -> None:
+        self.nearest, self._over = math.inf, threading.Event()
+        self._wires, self._motions = wires, motions
+        self._thread = threading.Thread(target=self._measure, daemon=True)
+        self._thread.start()
+
+    def _measure(self) -> None:
+        while not self._over.wait(0.02):
+            with self._wires.lock:
+                up = [motion.p for motion in self._motions if motion.p[2] > OFF_THE_GROUND_M]
+            for one, other in itertools.combinations(up, 2):
+                self.nearest = min(self.nearest, math.dist(one[:2], other[:2]))
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+
+
+def free_ports(count: int) -> list[int]:
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    for one in sockets:
+        one.bind(("127.0.0.1", 0))
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return ports
+
+
+def fly_the_mission(folder: Path, drones: list[dict[str, Any]], wires: Wires, motions: list[Motion]) -> None:
+    """Take off, form, pass the obstacle, land; nobody comes too near to anybody, falls, or misses its slot."""
+    fleet = Fleet(folder, drones=drones, guard=PATIENCE)
+    plan = read_plan(fleet.file)
+    with fleet.in_the_air(), Ruler(wires, motions) as ruler:
+        operator = fleet.operator("preflight,arm,takeoff,go")
+        told, _ = operator.communicate(timeout=250)
+    assert fleet.log.count("ground (landed)") == len(drones), told + fleet.log
+    assert ruler.nearest >= plan.limit_m
+    assert not any(motion.fell for motion in motions)
+    reports = [json.loads(file.read_text()) for file in folder.glob("drone-*/1/report.json")]
+    assert len(reports) == len(drones)
+    if max(report["missed"] for report in reports) < MOST_MISSED * plan.ticks:
+        assert operator.returncode == 0, told + fleet.log
+        assert "SUCCESS" in told
+        assert max(report["slot_error_m"] for report in reports) <= 0.15
+
+
+def test_six_crazyflies_fly_the_mission_behind_two_radio_hosts(tmp_path: Path) -> None:
+    pytest.importorskip("cflib", reason="the extra 'radio' is not installed")
+    from tests.fakes.crazyflie import FakeCrazyflie
+
+    fakes = [FakeCrazyflie((x, y, 0.0)) for x, y in STARTS]
+    with Wires(fakes) as wires:
+        hosts = [f"tcp/127.0.0.1:{port}" for port in free_ports(2)]
+        drones = [
+            {
+                "number": number,
+                "body": f"crazyflie:udp://127.0.0.1:{port}",
+                "dongle": number // 3,
+                "options": {"host": hosts[number // 3]},
+                "start_m": start,
+            }
+            for number, (port, start) in enumerate(zip(wires.ports, STARTS, strict=True))
+        ]
+        fly_the_mission(tmp_path, drones, wires, [fake.motion for fake in fakes])
+
+
+def test_six_autopilots_of_two_makes_fly_the_mission(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+    from tests.fakes.autopilot import FakeAutopilot, Make
+
+    makes = [Make.PX4, Make.ARDUPILOT] * 3
+    fakes = [FakeAutopilot(make, (x, y, 0.0)) for make, (x, y) in zip(makes, STARTS, strict=True)]
+    ports = free_ports(6)
+    with Wires(fakes, towards=ports) as wires:
+        drones = [
+            {"number": number, "body": f"mavlink:udpin:127.0.0.1:{port}", "start_m": start}
+            for number, (port, start) in enumerate(zip(ports, STARTS, strict=True))
+        ]
+        fly_the_mission(tmp_path, drones, wires, [fake.motion for fake in fakes])
