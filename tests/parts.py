@@ -1,4 +1,4 @@
-"""One drone's arrays, empty, for tests of single rules."""
+"""Parts of a flight for tests of single rules: one drone's arrays, empty; what follows from a mission."""
 
 import numpy as np
 
@@ -21,3 +21,10 @@ def empty_parts(mission: Mission, me: int = 0, memory: Memory | None = None) -> 
         empty_frames(1),
         memory or empty_memory(1, mission.agents),
     )
+
+
+def times_of(mission: Mission) -> tuple[int, ...]:
+    """The times that follow from a mission's fields, in ticks."""
+    return (
+        mission.ticks, mission.frame_every, mission.memory_ticks, mission.answer_ticks, mission.silent_ticks
+    )  # fmt: skip

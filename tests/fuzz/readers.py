@@ -38,6 +38,7 @@ from rsc_swarm.study.tables.result import as_csv, read_table
 from rsc_swarm.training.config import TrainingConfig, make_config
 from tests.fuzz import seeds
 from tests.fuzz.seeds import AGENTS, NOW
+from tests.parts import times_of
 from world.outlets.trajectory import Trajectory
 from world.server.credentials import Credentials
 
@@ -171,16 +172,7 @@ def read_mission(path: Path) -> None:
     mission = parse_mission(read_mission_fields(path), str(path))
     if crc32(path.read_bytes()) % 16 == 0:  # it takes long
         assert parse_mission(reading.read_yaml(mission_yaml(mission))) == mission
-    assert (
-        min(
-            mission.ticks,
-            mission.frame_every,
-            mission.memory_ticks,
-            mission.answer_ticks,
-            mission.silent_ticks,
-        )
-        > 0
-    )
+    assert min(times_of(mission)) > 0
 
 
 def read_options(data: bytes) -> None:

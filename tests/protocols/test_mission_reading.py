@@ -16,6 +16,7 @@ from protocols.mission.document import (
     read_mission_fields,
 )
 from protocols.mission.reading import MAX_BYTES, ReadingError, read_yaml, write_yaml
+from tests.parts import times_of
 from tests.protocols.test_mission import refusal
 
 
@@ -167,16 +168,7 @@ def test_whatever_is_written_gives_a_mission_that_reads_back_or_one_line_that_na
         assert any(name in text for place in PLACES for name in place)
         return
     assert parse_mission(read_yaml(mission_yaml(mission))) == mission
-    assert (
-        min(
-            mission.ticks,
-            mission.frame_every,
-            mission.memory_ticks,
-            mission.answer_ticks,
-            mission.silent_ticks,
-        )
-        > 0
-    )
+    assert min(times_of(mission)) > 0
 
 
 @given(

@@ -25,8 +25,7 @@ Equal states are visited once. In every state visited:
     if from here on all deals time out and every frame is heard, then within ROUNDS rounds of one broadcast
     each all living are idle and agree, without the liar: no schedule leads to a permanent lock or a permanent difference.
 
-RSC_SWARM_DEEP=1 searches deeper. One search alone:
-`python tests/protocols/test_swap_search.py "Alphabet(3, 10, 2)"`.
+RSC_SWARM_DEEP=1 searches deeper. One alone: `python tests/protocols/test_swap_search.py "Alphabet(3, 10, 2)"`.
 """
 
 from __future__ import annotations

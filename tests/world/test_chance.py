@@ -23,13 +23,16 @@ def draws(
     return out
 
 
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    rule=st.integers(1, 5),
-    source=st.integers(0, 249),
-    destination=st.integers(0, 249),
-    tick=st.integers(0, 360_000),
-)
+ANY_DRAW = {
+    "seed": st.integers(0, 2**32 - 1),
+    "rule": st.integers(1, 5),
+    "source": st.integers(0, 249),
+    "destination": st.integers(0, 249),
+    "tick": st.integers(0, 360_000),
+}
+
+
+@given(**ANY_DRAW)
 def test_a_draw_is_at_least_zero_and_below_one_and_the_same_when_asked_again(
     seed: int, rule: int, source: int, destination: int, tick: int
 ) -> None:
@@ -66,13 +69,7 @@ def in_whole_numbers(seed: int, rule: int, source: int, destination: int, tick: 
     return (mixed((state + tick * gamma) % end) >> 11) / 2**53
 
 
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    rule=st.integers(1, 5),
-    source=st.integers(0, 249),
-    destination=st.integers(0, 249),
-    tick=st.integers(0, 360_000),
-)
+@given(**ANY_DRAW)
 def test_the_luck_of_a_seed_is_the_same_on_every_machine(
     seed: int, rule: int, source: int, destination: int, tick: int
 ) -> None:
