@@ -16,7 +16,7 @@ from tests.models import random_model, saved
 from tests.scenarios.flights import Fields, launched, whole
 
 TWENTY_FIVE: Fields = {"agents": 25, "fly_s": 1.5, "start": {"scrambled": True}}
-SIX: Fields = {"agents": 6, "fly_s": 4.0, "start": {"scrambled": True}, "seed": 6}
+SIX: Fields = {"agents": 6, "fly_s": 2.5, "start": {"scrambled": True}, "seed": 6}
 
 RADIOS: dict[str, Fields] = {
     "perfect": {},
