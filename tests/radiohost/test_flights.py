@@ -76,14 +76,15 @@ class Room(NamedTuple):
     silent: Led
     dead: Led
     told: Led
+    back: Led
 
 
 @pytest.fixture(scope="module")
 def room() -> Iterator[Room]:
-    fakes = [FakeCrazyflie((0.0, 2.0 * drone, 0.0), arms_itself=drone % 2 == 0) for drone in range(4)]
+    fakes = [FakeCrazyflie((0.0, 2.0 * drone, 0.0), arms_itself=drone % 2 == 0) for drone in range(5)]
     fakes[3].needs_position = True
     with Wires(fakes) as wires:
-        limits = [PATIENT, BRISK, PATIENT, PATIENT]
+        limits = [PATIENT, BRISK, PATIENT, PATIENT, PATIENT]
         charges = [
             Charge(drone, f"udp://127.0.0.1:{port}", limits[drone]) for drone, port in enumerate(wires.ports)
         ]
@@ -114,7 +115,7 @@ def test_it_flies_a_square_holds_and_lands(room: Room) -> None:
     square.vehicle.land()
     landed = square.until(lambda state: state.mode is Mode.GROUND)
     assert not landed.armed
-    assert not square.fake.motors_on
+    square.until(lambda _: not square.fake.motors_on)
     assert not square.fake.motion.fell
     assert square.fake.setpoints > 50
 
@@ -144,6 +145,22 @@ def test_one_whose_link_is_dead_levels_and_falls_as_the_firmware_has_it(room: Ro
     dead.fake.dead_link = False
     told = dead.until(lambda state: state.mode is Mode.DEAD)
     assert "locked after a failsafe: switch it off and on" in told.health
+
+
+def test_a_link_that_cflib_gives_up_is_made_anew(room: Room) -> None:
+    """The dongle was out for a moment: cflib closes the link and forgets it."""
+    back = room.back
+    back.climb()
+    back.go((0.5, 0.0), 1.0)
+    line = room.host._cares[4].line
+    line._cf._link_error_cb("the dongle has been unplugged")
+    before = back.fake.setpoints
+    back.go((0.5, 0.0), 2.0)
+    assert back.fake.setpoints > before + 20
+    assert back.vehicle.state().health == ()
+    back.vehicle.land()
+    back.until(lambda state: state.mode is Mode.GROUND)
+    assert not back.fake.motion.fell
 
 
 def test_one_that_is_told_where_it_is_says_when_it_is_told_no_more(room: Room) -> None:
