@@ -167,6 +167,7 @@ class WorldClock:
         self.world = RelayedWorld(self._process)
         self.ending: Ending | None = None
         self.quick: Callable[[bytes], tuple[int, bytes] | None] = lambda message: None
+        self._send_soon: Callable[[bytes], None] = link.send
         self._welcomed = False
         self._silent = 0  # looks that brought nothing
 
@@ -182,6 +183,7 @@ class WorldClock:
                 self._welcomed = True
                 if message.datagram_key:
                     self._link.use_datagrams(message.datagram_key)
+                    self._send_soon = self._cast_or_send
                 return message
         return None
 
@@ -218,7 +220,7 @@ class WorldClock:
     def _say(self, message: FromDrone) -> None:
         self._link.send(messages.pack(message))
 
-    def _send_soon(self, data: bytes) -> None:
+    def _cast_or_send(self, data: bytes) -> None:
         """In real time what waits for what was lost before it is worth nothing; but a way that is not open is none."""
         if not self._link.cast(data):
             self._link.send(data)

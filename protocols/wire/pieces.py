@@ -21,7 +21,7 @@ _OPEN = 4  # messages of which some pieces have come; older ones are given up
 
 def is_whole(piece: bytes) -> bool:
     """Whether this is a message as it is."""
-    return piece[:1] not in (b"", b"\x00")
+    return piece[:1] > b"\x00"
 
 
 def cut(message: bytes, number: int, longest: int = LONGEST) -> Iterator[bytes]:
