@@ -2,13 +2,14 @@
 
 import json
 import queue
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from protocols.keeper import STREAM_S, Keeper, Limits
 from protocols.wire import vehicles
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON
-from protocols.wire.vehicles import Account, Ill, Mode, Order, VehicleMessageError
+from protocols.wire.vehicles import Account, Ill, Mode, Order, Vector, VehicleMessageError
 from radiohost.line import Line, init_drivers
 from radiohost.warden import Warden
 
@@ -49,8 +50,8 @@ class Care:
         self.charge, self._publisher = charge, publisher
         self.keeper = Keeper(charge.limits)
         self.line = Line(charge.uri, self.give_account, cache)
-        self.orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
-        self._told_at = 0.0
+        self.heard: queue.SimpleQueue[Order | Vector] = queue.SimpleQueue()  # orders, and where it is
+        self._told_at, self._complaint = 0.0, ""
         self._leaving = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -73,10 +74,7 @@ class Care:
         due = time.monotonic()
         while self.flies or not self._leaving.is_set():
             with suppress(queue.Empty):
-                order = self.orders.get(timeout=max(0.0, due - time.monotonic()))
-                if not self._leaving.is_set():
-                    self.keeper.hear(order, time.monotonic())
-                    self._act()
+                self._take(self.heard.get(timeout=max(0.0, due - time.monotonic())))
             now = time.monotonic()
             if now >= due:
                 due = max(due + STREAM_S, now)
@@ -85,11 +83,27 @@ class Care:
                 if now - self._told_at > _ACCOUNT_S:
                     self.give_account()
 
+    def _take(self, heard: Order | Vector) -> None:
+        if not isinstance(heard, Order):
+            self._try(lambda: self.line.fix(heard))
+        elif not self._leaving.is_set():
+            self.keeper.hear(heard, time.monotonic())
+            self._act()
+
     def _act(self) -> None:
         seen = self.line.seen
         if seen is not None:
             for act in self.keeper.act(seen, time.monotonic()):
-                self.line.do(act)
+                self._try(partial(self.line.do, act))
+
+    def _try(self, do: Callable[[], None]) -> None:
+        """Whatever goes wrong in cflib, who flies is not left alone: the next setpoint is said all the same."""
+        try:
+            do()
+        except Exception as error:
+            if (told := f"{self.charge.uri}: {type(error).__name__}: {error}") != self._complaint:
+                self._complaint = told
+                print(f"radio host: {told}", file=sys.stderr, flush=True)
 
     def give_account(self) -> None:
         """Tell its drone how it is."""
@@ -191,13 +205,13 @@ class RadioHost(Closing):
         with suppress(VehicleMessageError):
             care = self._cares.get(vehicles.drone_of(str(sample.key_expr)))
             if care:
-                care.orders.put(vehicles.unpack_order(sample.payload.to_bytes()))
+                care.heard.put(vehicles.unpack_order(sample.payload.to_bytes()))
 
     def _fix(self, sample: zenoh.Sample) -> None:
         with suppress(VehicleMessageError):
             care = self._cares.get(vehicles.drone_of(str(sample.key_expr)))
-            if care and care.line.seen:
-                care.line.fix(vehicles.unpack_fix(sample.payload.to_bytes()))
+            if care:
+                care.heard.put(vehicles.unpack_fix(sample.payload.to_bytes()))
 
     def close(self) -> None:
         self._each(Line.close)

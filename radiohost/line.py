@@ -52,6 +52,24 @@ def init_drivers() -> None:
     cflib.crtp.init_drivers()
 
 
+class _Lock:
+    """Which of cflib's threads sends. One that is thrown out while it sends (its link is taken away from it) never lets go of
+    cflib's own lock, and then nobody sends any more: this one is waited for only so long.
+    """
+
+    _LONGEST_S = 0.3
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    def acquire(self) -> None:
+        self._lock.acquire(timeout=self._LONGEST_S)
+
+    def release(self) -> None:
+        with suppress(RuntimeError):
+            self._lock.release()
+
+
 class Line:
     """A Crazyflie.
 
@@ -107,6 +125,7 @@ class Line:
                 heard_at = time.monotonic()
 
         self._cf = Crazyflie(rw_cache=self._cache)
+        self._cf._send_lock = _Lock()
         self._cf.connected.add_callback(lambda _: there.set())
         self._cf.packet_received.add_callback(hear)
         self._cf.open_link(self.uri)

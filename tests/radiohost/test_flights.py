@@ -148,11 +148,12 @@ def test_one_whose_link_is_dead_levels_and_falls_as_the_firmware_has_it(room: Ro
 
 
 def test_a_link_that_cflib_gives_up_is_made_anew(room: Room) -> None:
-    """The dongle was out for a moment: cflib closes the link and forgets it."""
+    """The dongle was out for a moment: cflib closes the link and forgets it, and one of its threads was just sending."""
     back = room.back
     back.climb()
     back.go((0.5, 0.0), 1.0)
     line = room.host._cares[4].line
+    line._cf._send_lock.acquire()
     line._cf._link_error_cb("the dongle has been unplugged")
     before = back.fake.setpoints
     back.go((0.5, 0.0), 2.0)
