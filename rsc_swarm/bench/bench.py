@@ -15,7 +15,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import msgpack
 import numpy as np
 import psutil
 
@@ -24,8 +23,8 @@ from agent.policy.session import open_session
 from agent.slot_endpoints import make_endpoint
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from protocols.slots.agreement import encode
 from protocols.slots.seals import Stamps
+from protocols.wire.frames import FIXED
 from rsc_swarm.bench.batch import bench_batch
 from rsc_swarm.bench.echo import bare_echo
 from rsc_swarm.flight.launch import Launched, launch
@@ -52,7 +51,7 @@ login = read_login(Path(sys.argv[2]) / "agent-0.json", 0, endpoint, plain_text=F
 fly_agent(login, endpoint, lambda seconds: print(seconds, flush=True))
 """
 _LARGE = 100
-_POLICIES = ("rsc-h20", "analytic")
+POLICIES = ("rsc-h20", "analytic")
 
 
 def bench(
@@ -105,18 +104,18 @@ def render(figures: dict[str, Any]) -> str:
         for size in (figures["agents"], _LARGE)
         for policy, flown in figures[f"flights_{size}"].items()
     ]
-    default = figures[f"flights_{figures['agents']}"][_POLICIES[0]]
+    default = figures[f"flights_{figures['agents']}"][POLICIES[0]]
     return "\n".join(
         [
             *flights,
-            f"{f'{_POLICIES[0]} instead of {_POLICIES[1]}':34s} costs {100 * _cost(figures):.0f} % of the real-time factor, "
+            f"{f'{POLICIES[0]} instead of {POLICIES[1]}':34s} costs {100 * _cost(figures):.0f} % of the real-time factor, "
             "pair by pair",
             f"launch to first tick               {figures['first_tick_s']:.2f} s",
             f"a drone alone                      ready in {figures['agent_ready_s']:.2f} s, "
             f"{figures['agent_resident_mb']:.0f} MB resident",
             f"a frame                            {default['median_frame_bytes']:.0f} bytes at the median",
             f"a tick's messages                  {default['bytes_up']:.0f} bytes up, {default['bytes_down']:.0f} down",
-            f"a call of {_POLICIES[0]}'s model           {figures['model_call_ms']:.3f} ms at the median, one thread",
+            f"a call of {POLICIES[0]}'s model           {figures['model_call_ms']:.3f} ms at the median, one thread",
             f"slot protocol while quiet          {figures['protocol_bytes']} bytes a frame, "
             f"{figures['protocol_us']:.1f} us per drone and tick",
             f"in one process                     {figures['simulated_us_per_agent_tick']:.1f} us per drone and tick",
@@ -129,7 +128,7 @@ def render(figures: dict[str, Any]) -> str:
 def _cost(figures: dict[str, Any]) -> float:
     """By what share the learned policy flies slower than the hand-made one: the median over launches flown in turn."""
     learned, made = (
-        figures[f"flights_{figures['agents']}"][policy]["real_time_factors"] for policy in _POLICIES
+        figures[f"flights_{figures['agents']}"][policy]["real_time_factors"] for policy in POLICIES
     )
     return float(1 - median(slow / fast for slow, fast in zip(learned, made, strict=True)))
 
@@ -144,7 +143,7 @@ def _beside_vmas(figures: dict[str, Any]) -> str:
 
 def _flights(mission: Mission, runs: int) -> dict[str, dict[str, Any]]:
     """By policy: flights in real processes, in turn with each other and with bare echoes of the same message sizes."""
-    flown: dict[str, list[Launched]] = {policy: [] for policy in _POLICIES}
+    flown: dict[str, list[Launched]] = {policy: [] for policy in POLICIES}
     echoes = []
     for run in range(runs):
         for policy, launched in flown.items():
@@ -171,7 +170,7 @@ def _flown(launched: list[Launched], echoes: list[float]) -> dict[str, Any]:
 
 def _model_call() -> dict[str, Any]:
     """One drone's question to the default policy's model."""
-    model = read_model(SHIPPED / f"{_POLICIES[0]}.onnx")
+    model = read_model(SHIPPED / f"{POLICIES[0]}.onnx")
     session = open_session(model.data)
     wanted = [(value.name, model.facts.shapes[value.name]) for value in session.get_inputs()]
     question = {name: np.zeros((1, *shape[1:]), np.float32) for name, shape in wanted}
@@ -245,5 +244,5 @@ def _protocol(agents: int) -> dict[str, Any]:
         party.advance(tick)
         party.note(tick)
         spans.append(time.perf_counter_ns() - began)
-    # Ages of silence (8 bytes and the first one's number) serve the protocol too.
-    return {"protocol_us": median(spans) / 1e3, "protocol_bytes": len(msgpack.packb(encode(note))) + 9}
+    fields = [FIXED[name].itemsize for name in ("loud", "digest", "ages", "age_from")]
+    return {"protocol_us": median(spans) / 1e3, "protocol_bytes": sum(fields)}

@@ -1,5 +1,6 @@
 """``rsc-swarm bench``: what this machine does."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,7 +10,9 @@ from rsc_swarm.cli.app import JsonFile, announce_compiling, app, examples
 from rsc_swarm.machine.leaving import unwind_when_asked
 
 
-@app.command(epilog=examples("bench", "bench --agents 100 --quick"))
+@app.command(
+    epilog=examples("bench", "bench --agents 100 --quick", "bench --against ../the-version-before --pairs 9")
+)
 @unwind_when_asked()  # it starts other commands
 def bench(
     agents: Annotated[int, typer.Option("--agents", "-n", help="Number of drones.")] = 25,
@@ -17,6 +20,14 @@ def bench(
     twins: Annotated[
         int, typer.Option(help="Instead: fly so many maps in real processes and in one, and compare digests.")
     ] = 0,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Instead: fly this code and that of the checkout in DIR in turn, and compare what a tick costs.",
+        ),
+    ] = None,
+    pairs: Annotated[int, typer.Option(min=1, help="How many pairs of launches, with --against.")] = 7,
     json: JsonFile = None,
 ) -> None:
     """Measure this machine: ticks per second, start-up, memory."""
@@ -33,6 +44,19 @@ def bench(
         counts = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in flown.items())
         typer.echo(counts, file=output.beside)
         raise typer.Exit(ExitCode.SUCCEEDED if flown["equal_digests"] == twins else ExitCode.FAILED)
+    if against:
+        from rsc_swarm.bench import against as beside
+
+        costs = beside.against(
+            against, agents, benches.POLICIES, pairs, lambda line: typer.echo(f"flying {line}...", err=True)
+        )
+        figures = {
+            policy: {side: [cost._asdict() for cost in flown] for side, flown in sides.items()}
+            for policy, sides in costs.items()
+        }
+        output.write(dumps(figures, indent=2))
+        typer.echo(beside.render(costs, agents), file=output.beside)
+        return
     figures = benches.bench(agents, quick, lambda line: typer.echo(f"measuring {line}...", err=True))
     output.write(dumps(figures, indent=2))
     typer.echo(benches.render(figures), file=output.beside)

@@ -28,7 +28,7 @@ from rsc_swarm.flight.busy import answer, busy_at, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
-from rsc_swarm.flight.world_process import be_world
+from rsc_swarm.flight.world_process import JOIN_S, be_world
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from world.outcome import Flown
@@ -86,7 +86,7 @@ def _agent(agent: int, endpoint: str, login: Login, policy: str) -> None:
     answer()
     leave = leave_on_sigterm()
     try:
-        with AgentLink(endpoint, login, leaving=lambda: leave.asked) as link:
+        with AgentLink(endpoint, login, JOIN_S, lambda: leave.asked) as link:
             over = fly(link, agent, policy, lambda: leave.asked, math.inf, login.seals)
             print(f"agent {agent}: {over}", flush=True)
     except PolicyError as error:

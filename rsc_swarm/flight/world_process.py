@@ -30,6 +30,7 @@ from world.server.session import Clock, WorldServer
 
 _STOPPED = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
 _SO_FAR_EVERY_S = 1.0
+JOIN_S = 60.0  # patience for all to find each other: here they are there, however busy the machine is
 
 
 class PipeControl:
@@ -108,7 +109,7 @@ def be_world(
     control = PipeControl(pipe, lambda: leave.asked)
     try:
         with WorldLink(credentials, [endpoint]) as link:
-            server = WorldServer(mission, link, clock, control, recorder.record if recorder else None)
+            server = WorldServer(mission, link, clock, control, recorder.record if recorder else None, JOIN_S)
             control.so_far = server.flown
             flown = server.run()
         control.tell("flown", flown)

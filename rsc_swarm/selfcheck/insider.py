@@ -17,6 +17,7 @@ from protocols.wire.frames import altered
 from protocols.wire.login import Login
 from protocols.wire.messages import Reply, Tick
 from rsc_swarm.flight.processes import leave_on_sigterm
+from rsc_swarm.flight.world_process import JOIN_S
 
 LEAVES_S = 30.0  # when the world is silent for so long
 
@@ -103,6 +104,6 @@ class Insider:
         """Take part as this drone until the flight is over."""
         gc.set_threshold(100_000)
         leave = leave_on_sigterm()
-        with AgentLink(endpoint, login) as link:
+        with AgentLink(endpoint, login, JOIN_S) as link:
             turned = _Turned(link, login, self._attack, lambda: AgentLink(endpoint, login), self._seed)
             fly(turned, agent, policy, lambda: leave.asked, LEAVES_S, login.seals)
