@@ -26,6 +26,7 @@ from radiohost.line import Line, init_drivers
 from radiohost.warden import Warden
 
 _SILENT_S = 0.25  # a vehicle of which nothing is heard for so long has no link
+_UNSURE_S = 0.05
 _ACCOUNT_S = 0.05  # what it said last is told again, older, when it says nothing new
 _LEAVING_S = 30.0
 _LOOK_S = 0.05
@@ -111,10 +112,13 @@ class Care:
         if seen is None:
             return
         self._told_at = now = time.monotonic()
-        age_s = now - seen.at
+        silent_s, age_s = (
+            now - seen.at,
+            now - self.line.sure_at,
+        )  # what it makes of nothing measured is no position
         ills = {
-            Ill.NO_LINK: age_s > _SILENT_S,
-            Ill.NO_POSITION: self.line.unsure,
+            Ill.NO_LINK: silent_s > _SILENT_S,
+            Ill.NO_POSITION: age_s > silent_s + _UNSURE_S,
             Ill.LOCKED: seen.locked,
             Ill.TURNED_OVER: self.line.tumbled,
         }

@@ -74,7 +74,7 @@ class Line:
     """A Crazyflie.
 
     Attributes:
-        seen: what it said last of itself; None before the first. unsure: whether it is not sure of its position.
+        seen: what it said last of itself; None before the first. sure_at: when it was last sure of its position [s].
         tumbled: whether it lies on its side.
     """
 
@@ -84,7 +84,7 @@ class Line:
         self._cache = str(cache) if cache else None
         self._cf: Any = None
         self.seen: Seen | None = None
-        self.unsure, self.tumbled = False, False
+        self.sure_at, self.tumbled = -math.inf, False
 
     def open(self, timeout_s: float) -> None:
         """Reach it, set its controller, and let it speak.
@@ -175,10 +175,12 @@ class Line:
         )
         roll, pitch, yaw = (math.radians(data[f"stateEstimate.{name}"]) for name in ("roll", "pitch", "yaw"))
         bits = int(data["supervisor.info"])
-        self.unsure = not max(data["kalman.varPX"], data["kalman.varPY"]) < _UNSURE
+        now = time.monotonic()
+        if max(data["kalman.varPX"], data["kalman.varPY"]) < _UNSURE:
+            self.sure_at = now
         self.tumbled = bool(bits & _IS_TUMBLED)
         self.seen = Seen(
-            at=time.monotonic(),
+            at=now,
             p=(x, y, z),
             v=(vx, vy, vz),
             yaw=yaw,

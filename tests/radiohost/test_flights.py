@@ -171,12 +171,14 @@ def test_one_that_is_told_where_it_is_says_when_it_is_told_no_more(room: Room) -
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", f'["{host_endpoint(DONGLE)}"]')
-    told.until(lambda state: state.health == ("it is not sure of its position",))
+    told.until(lambda state: state.health == ("it is not sure of its position",) and state.age_s > 100.0)
     with zenoh.open(config) as tracker:
         told.until(
             lambda state: state.health == () and math.dist(state.p, (1.0, 2.0, 0.5)) < 0.01,
             lambda: tracker.put("rsc/body/3/position", pack_fix((1.0, 2.0, 0.5))),
         )
+        assert told.vehicle.state().age_s < 1.0
+        told.until(lambda state: 0.5 < state.age_s < 10.0 and len(state.health) == 1)
 
 
 def test_when_the_radio_host_is_killed_its_warden_lands_who_flies() -> None:
