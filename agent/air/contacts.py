@@ -9,7 +9,7 @@ from protocols.dynamics import TICKS_PER_S
 from protocols.wire.beacon import NOBODY, Beacon
 
 _AHEAD_TICKS = 10  # of this clock: a frame from later than that is worth nothing
-_CLOCK_WINDOW_S, _PAUSE_S, _BEACON_S = 1.0, 0.5, 0.04
+_CLOCK_WINDOW_S, _PAUSE_S, _BEACON_S = 2.0, 0.5, 0.04  # a busy machine takes a second to read what came
 _LATEST_S = 5.0  # older is no news, however late it comes
 _MOVED_ON_S = 1.0  # no longer: then it has stopped, or is somewhere else
 _GONE_S = 4.0  # who fell silent in flight is landing by its failsafe, and no longer in the way
@@ -24,7 +24,7 @@ class Contact(NamedTuple):
 
 
 class _Window:
-    """By how much one clock differs from another, at least, in the last second: what came late says nothing of clocks."""
+    """By how much one clock differs from another, at least, in the last two seconds: what came late says nothing of clocks."""
 
     def __init__(self, now: float) -> None:
         self._since = self._last = now
@@ -41,7 +41,7 @@ class _Window:
         self._least.append((now, late_s))
 
     def least(self, now: float) -> float | None:
-        """None: it was not heard for a whole second."""
+        """None: it was not heard for so long."""
         while self._least and now - self._least[0][0] > _CLOCK_WINDOW_S:
             self._least.popleft()
         return self._least[0][1] if self._least and now - self._since >= _CLOCK_WINDOW_S else None

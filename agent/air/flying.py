@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from agent.air.clock import Utc
 from agent.air.drone import AirDrone
 from agent.air.peers import AirLink
 from agent.air.pilot import IN_FLIGHT, Phase
@@ -17,8 +18,9 @@ def fly(
     leaving: Callable[[], bool],
     on_phase: Callable[[Phase, tuple[str, ...]], None],
     trouble: Trouble,
+    clock: Utc,
 ) -> None:
-    """Be this drone until asked to leave. One that flies lands first.
+    """Be this drone until asked to leave. One that flies lands first. ``clock``: the link's.
 
     Raises:
         agent.air.vehicle.VehicleError: the vehicle cannot be reached any more; it is left to its own failsafe.
@@ -26,8 +28,8 @@ def fly(
     """
     told, last = 0, 0
     while True:
-        now_us = time.time_ns() // 1000 + trouble.clock_us
-        wait_us = _TICK_US - now_us % _TICK_US if now_us // _TICK_US <= last else 0
+        now_us = clock.us() + trouble.clock_us
+        wait_us = _TICK_US - now_us % _TICK_US if now_us // _TICK_US == last else 0
         if wait_us:
             time.sleep(wait_us / 1e6)
             continue
@@ -44,6 +46,8 @@ def fly(
         for _, phase, reasons in drone.events[told:]:
             on_phase(phase, reasons)
         told = len(drone.events)
+        if drone.pilot.phase is Phase.GROUND:
+            clock.set()
         if leaving():
             if drone.pilot.phase not in IN_FLIGHT:
                 return

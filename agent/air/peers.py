@@ -8,13 +8,13 @@ import json
 import os
 import queue
 import threading
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 import zenoh
 
+from agent.air.clock import Utc
 from protocols.closing import Closing
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
 from protocols.wire.login import Certificates
@@ -50,17 +50,19 @@ class AirLink(Closing):
         connect: Sequence[str],
         certificates: Certificates | None = None,
         drones: int = 0,
+        clock: Utc | None = None,
     ) -> None:
         """``who`` listens at ``listen`` and looks for others at ``connect``, in the background.
 
         Args:
             certificates: its own. Then nobody is linked who has none of the same authority, and each of ``drones`` and the
                 operator is heard only in the name that its certificate has.
+            clock: by which it is told when something came.
 
         Raises:
             LinkError: it cannot listen there.
         """
-        self._swarm, self._who = checked_swarm(swarm), who
+        self._swarm, self._who, self._clock = checked_swarm(swarm), who, clock or Utc()
         self._heard: queue.SimpleQueue[Said] = queue.SimpleQueue()
         os.environ.setdefault(
             "ZENOH_RUNTIME",
@@ -98,7 +100,7 @@ class AirLink(Closing):
     def _take(self, sample: zenoh.Sample) -> None:
         if self._heard.qsize() < _MOST_WAITING:
             _, _, who, kind = str(sample.key_expr).rsplit("/", 3)
-            self._heard.put(Said(who, kind, sample.payload.to_bytes(), time.time_ns() // 1000))
+            self._heard.put(Said(who, kind, sample.payload.to_bytes(), self._clock.us()))
 
     def say(self, kind: str, data: bytes) -> None:
         """To all that are linked."""

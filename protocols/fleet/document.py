@@ -96,6 +96,8 @@ class Guard(Section):
     battery_land: Probability = 0.2
     tilt_land_deg: Angle = 50.0
     tilt_kill_deg: Angle = Field(100.0, description="beyond it it has turned over: the motors are cut")
+    setpoint_hold_s: Seconds = Field(0.15, description="since the last setpoint: the vehicle's own failsafe")
+    setpoint_land_s: Seconds = 1.0
     reaction_s: Seconds = Field(0.15, description="how late it brakes, where it counts on what lies ahead")
     setpoint_m: Positive = Field(1.0, description="a setpoint farther than this from where it is")
     hold_s: Seconds = Field(10.0, description="who has held for so long lands")
@@ -105,6 +107,7 @@ class Guard(Section):
     def _ordered(self) -> "Guard":
         for first, second in (
             ("position_hold_s", "position_land_s"),
+            ("setpoint_hold_s", "setpoint_land_s"),
             ("clock_hold_ms", "clock_land_ms"),
             ("operator_hold_s", "operator_land_s"),
             ("tilt_land_deg", "tilt_kill_deg"),

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import psutil
 
+from agent.air.clock import Utc
 from agent.air.drone import AirDrone
 from agent.air.flying import fly
 from agent.air.peers import AirLink, name_of
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
-from agent.air.vehicle import Rig, make_vehicle
+from agent.air.vehicle import Failsafe, Rig, make_vehicle
 from agent.process import rehearse, seals_of
 from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
@@ -21,6 +22,7 @@ from rsc_swarm.air.judged import rehearse_judging
 from rsc_swarm.flight.key_files import read_fleet_login
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
+from rsc_swarm.machine.priority import go_first
 from rsc_swarm.machine.service import Service
 
 _OPEN_S = 60.0  # the first time a radio host reads long tables from its Crazyflies
@@ -42,15 +44,11 @@ def fly_drone(
     if me >= plan.mission.agents:
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
     fleet, spec = plan.fleet, plan.fleet.drones[me]
+    guard = fleet.guard
     rig = Rig(
-        me,
-        (*plan.starts[me], 0.0),
-        plan.speed_mps,
-        plan.acceleration_mps2,
-        options=spec.options,
-        dongle=spec.dongle,
-        swarm=plan.mission.swarm,
-    )
+        me, (*plan.starts[me], 0.0), plan.speed_mps, plan.acceleration_mps2,
+        Failsafe(guard.setpoint_hold_s, guard.setpoint_land_s), spec.options, spec.dongle, plan.mission.swarm,
+    )  # fmt: skip
     vehicle = make_vehicle(body or spec.body, rig)
     load(plan)
     vehicle.open(_OPEN_S)
@@ -69,18 +67,19 @@ def fly_drone(
             events = [event_of(me, *event) for event in drone.events]
             keep(next_folder(run_dir), plan, drone.log, events, drone=me, missed=drone.missed)
 
+    go_first()
     with leave_when_asked() as leave:
         try:
-            certificates = login.certificates if login else None
+            certificates, clock = login.certificates if login else None, Utc()
             with AirLink(
-                plan.mission.swarm, name_of(me), address, others, certificates, plan.mission.agents
+                plan.mission.swarm, name_of(me), address, others, certificates, plan.mission.agents, clock
             ) as link:
                 _say(
                     me,
                     f"ready after {time.time() - psutil.Process().create_time():.2f} s at {address}",
                 )
                 service.ready(f"drone {me} at {address}")
-                fly(drone, link, lambda: service.alive(leave.asked), tell, trouble)
+                fly(drone, link, lambda: service.alive(leave.asked), tell, trouble, clock)
         finally:
             vehicle.close()
 

@@ -134,7 +134,7 @@ _DOWN = frozenset({Phase.GROUND, Phase.DEAD})
 _STEPS = {
     step.name: step
     for step in (
-        Step("preflight", None, frozenset(Phase), 20.0),
+        Step("preflight", None, frozenset(Phase), 30.0),
         Step("arm", Order.ARM, frozenset({Phase.ARMED}), 10.0),
         Step("takeoff", Order.TAKEOFF, frozenset({Phase.FORM}), 30.0),
         Step("go", Order.GO, _AFTER_GO, 5.0),

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
+from agent.air.clock import Utc
 from agent.air.peers import OPERATOR, AirLink
 from protocols.fleet.document import host_of
 from protocols.fleet.plan import Plan
@@ -14,6 +15,7 @@ from rsc_swarm.air.judged import Judged
 from rsc_swarm.air.station import Script, Station
 from rsc_swarm.flight.key_files import read_operator_login
 from rsc_swarm.machine.leaving import leave_when_asked
+from rsc_swarm.machine.priority import go_first
 
 _LOOK_S = 0.02
 _SAY_S = 0.1
@@ -38,13 +40,18 @@ def watch(
         protocols.wire.keys.LinkError: the operator's address cannot be listened at.
         rsc_swarm.flight.key_files.KeyFileError: of the operator's keys.
     """
-    station = Station(plan, version("rsc-swarm"), time.time_ns() // 1000)
+    go_first()
+    clock = Utc()
+    station = Station(plan, version("rsc-swarm"), clock.us())
     swarm, address = plan.mission.swarm, plan.fleet.ground_address
     own = read_operator_login(keys, swarm, host_of(address)).certificates if keys else None
-    with leave_when_asked() as leave, AirLink(swarm, OPERATOR, address, (), own, plan.mission.agents) as link:
+    with (
+        leave_when_asked() as leave,
+        AirLink(swarm, OPERATOR, address, (), own, plan.mission.agents, clock) as link,
+    ):
         said_at = leaving_at = 0.0
         while True:
-            now, utc_us = time.monotonic(), time.time_ns() // 1000
+            now, utc_us = time.monotonic(), clock.us()
             for said in link.hear():
                 station.hear(said, now)
             if script:

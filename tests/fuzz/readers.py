@@ -24,10 +24,23 @@ from agent.radio.hearing import Hearing
 from protocols.mission import policy_name, reading
 from protocols.mission.document import mission_yaml, parse_briefing, parse_mission, read_mission_fields
 from protocols.slots import notes
-from protocols.wire import certificates, endpoints, frames, keys, messages, pieces, status, vehicles
+from protocols.wire import (
+    account,
+    beacon,
+    certificates,
+    endpoints,
+    frames,
+    keys,
+    messages,
+    operator,
+    pieces,
+    status,
+    vehicles,
+)
 from protocols.wire.heard import unpack_heard
 from protocols.wire.keys import LinkError
 from rsc_swarm import options
+from rsc_swarm.air.plans import read_plan
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.missions import shipped_missions
 from rsc_swarm.show.plots import curves
@@ -109,6 +122,24 @@ _VEHICLE_MESSAGES = {
     b"a": (vehicles.unpack_account, vehicles.pack_account),
     b"f": (vehicles.unpack_fix, vehicles.pack_fix),
 }
+
+
+_AIR_MESSAGES: dict[bytes, Any] = {
+    b"b": (beacon.unpack_beacon, lambda said: beacon.pack_beacon(*said)),
+    b"w": (operator.unpack_word, operator.pack_word),
+    b"a": (account.read_account, account.Account.to_json),
+}
+
+
+def read_air_message(data: bytes) -> None:
+    """The first letter says which message it is to be."""
+    read, write = _AIR_MESSAGES.get(data[:1], _AIR_MESSAGES[b"b"])
+    said = read(data[1:])
+    assert read(write(said)) == said
+
+
+def read_fleet_file(path: Path) -> None:
+    read_plan(path)
 
 
 def read_vehicle(data: bytes) -> None:

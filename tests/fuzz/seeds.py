@@ -20,6 +20,8 @@ from protocols.slots.history import Swap
 from protocols.slots.notes import Acceptance, Assignment, Proposal, Refusal, SlotNote, encode
 from protocols.slots.seals import SEAL_BYTES, Sealed
 from protocols.wire import messages
+from protocols.wire.account import Account as AirAccount
+from protocols.wire.beacon import Beacon, pack_beacon
 from protocols.wire.frames import (
     FIXED,
     MAX_KNOWN,
@@ -43,6 +45,8 @@ from protocols.wire.messages import (
     make_tick,
     pack,
 )
+from protocols.wire.operator import Order as OperatorOrder
+from protocols.wire.operator import Word, pack_word
 from protocols.wire.pieces import cut
 from protocols.wire.sensed import SensedPacker, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
@@ -162,6 +166,43 @@ def vehicle_messages() -> Iterator[bytes]:
         Account(Mode.FOLLOW, 7, True, Ill.NO_LINK | Ill.LOCKED, x, x, 1.0, 0.1, 0.01, 0.9)
     )
     yield b"f" + pack_fix(x)
+
+
+def air_messages() -> Iterator[bytes]:
+    x = (1.0, -2.0, 0.5)
+    yield b"b" + pack_beacon(Beacon(3, 4, 2, 77, 10**15, x, x, 12, 1, -3, 90, True), b"frame")
+    yield b"w" + pack_word(Word(5, OperatorOrder.GO, 10**11, 10**15))
+    yield (
+        b"a"
+        + AirAccount(
+            3,
+            "fly",
+            "follow",
+            ("it stands 1 m from its start",),
+            ("start",),
+            (0, 1),
+            -0.5,
+            2,
+            100,
+            1,
+            0,
+            "f",
+            "m",
+            "1",
+        ).to_json()
+    )
+
+
+def fleets() -> Iterator[bytes]:
+    for name in ("room", "hall"):
+        yield (ROOT / "examples" / f"{name}.yaml").read_bytes()
+    drones = [{"number": me, "address": f"quic/10.0.0.{me + 1}:7450", "dongle": 0} for me in range(6)]
+    full: dict[str, Any] = {
+        "mission": "lab", "origin_m": [-5.2, 0], "scale": 0.3, "fence": {"x_m": [-6, 6], "y_m": [-4, 4]}, "drones": drones,
+        "keys": "keys", "ground": "quic/10.0.0.9:7450", "slot_heights_m": [1, 1.1, 1.2, 1, 1, 1], "obstacles_m": [[0, 0, 0.2]],
+        "guard": {"hold_s": 5}, "radio": {"frame_rate_hz": 50, "port": 8000}, "yaw_deg": 2,
+    }  # fmt: skip
+    yield write_yaml(full).encode()
 
 
 def pieces() -> Iterator[bytes]:

@@ -11,6 +11,9 @@ from agent.policy.model_file import ModelFileError
 from agent.radio import hearing
 from agent.radio.air import Air
 from protocols.errors import SwarmError
+from protocols.fleet import document as fleet_document
+from protocols.fleet import plan
+from protocols.fleet.document import FleetError
 from protocols.mission import (
     checks,
     document,
@@ -23,6 +26,8 @@ from protocols.mission import (
 from protocols.mission.document import MissionError, read_mission_fields
 from protocols.slots import notes
 from protocols.wire import (
+    account,
+    beacon,
     certificates,
     endpoints,
     frames,
@@ -30,12 +35,16 @@ from protocols.wire import (
     keys,
     login,
     messages,
+    operator,
     pieces,
     status,
     vehicles,
 )
+from protocols.wire.account import AccountError
+from protocols.wire.beacon import BeaconError
 from protocols.wire.login import Login
 from protocols.wire.messages import MessageError
+from protocols.wire.operator import OperatorError
 from protocols.wire.vehicles import VehicleMessageError
 from rsc_swarm import options
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
@@ -136,6 +145,20 @@ TARGETS = {
             vehicles._unpack,
             vehicles._checked,
         ),
+    ),
+    "on-air": Target(
+        readers.read_air_message,
+        (BeaconError, OperatorError, AccountError),
+        seeds.air_messages,
+        mutate.bytes_changed,
+        (beacon.unpack_beacon, operator.unpack_word, account.read_account),
+    ),
+    "fleet": Target(
+        readers.in_file("fleet.yaml", readers.read_fleet_file),
+        (FleetError,),
+        seeds.fleets,
+        mutate.yaml_changed,
+        (fleet_document, plan),
     ),
     "pieces": Target(readers.read_pieces, (), seeds.pieces, mutate.bytes_changed, (pieces,)),
     "login": Target(

@@ -4,6 +4,7 @@ import itertools
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,9 @@ import yaml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 _RUN = [sys.executable, "-m", "rsc_swarm"]
-_ports = itertools.count(20000 + os.getpid() % 2000 * 20, 20)  # twenty for each fleet of a test run
+# A machine that runs tests is busy: who is not led for two seconds, or sees others late, has not failed.
+_PATIENT = {"setpoint_land_s": 5, "clock_hold_ms": 150, "clock_land_ms": 2000}
+_ports = itertools.count(10000 + os.getpid() % 1000 * 20, 20)  # twenty for each fleet of a test run
 
 
 class Fleet:
@@ -43,19 +46,24 @@ class Fleet:
                 air.terminate()
                 air.wait(60)
 
-    def operator(self, steps: str) -> subprocess.Popen[str]:
+    def operator(self, steps: str) -> subprocess.Popen[bytes]:
         """An operator at work."""
-        command = [
-            *_RUN,
-            "ground",
-            "--fleet",
-            str(self.file),
-            "--do",
-            steps,
-            "--run-dir",
-            str(self.folder / "ground"),
-        ]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        flights = str(self.folder / "ground")
+        command = [*_RUN, "ground", "--fleet", str(self.file), "--do", steps, "--run-dir", flights]
+        with (self.folder / "ground.log").open("wb") as log:
+            return subprocess.Popen(command, stdout=log, stderr=log)
+
+    def await_said(self, words: str, times: int, seconds: float) -> None:
+        """Wait until the drones, or who started them, have said this so often."""
+        deadline = time.monotonic() + seconds
+        while self.log.count(words) < times:
+            assert time.monotonic() < deadline, f"{words!r} not said {times} times:\n{self.told}{self.log}"
+            time.sleep(0.05)
+
+    @property
+    def told(self) -> str:
+        """What the operator said so far."""
+        return (self.folder / "ground.log").read_text()
 
     @property
     def log(self) -> str:

@@ -1,13 +1,15 @@
 """Fleets in real processes with Zenoh between them and no world."""
 
 import json
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
 
 from rsc_swarm.air.plans import read_plan
 from rsc_swarm.flight.run_dir import RunDir
-from tests.scenarios.fleets import Fleet
+from tests.scenarios.fleets import Fleet, drone_processes
 from world.outlets.trajectory import Trajectory
 
 
@@ -27,9 +29,8 @@ def test_six_points_take_off_fly_past_the_obstacle_in_a_triangle_and_land(tmp_pa
     plan = read_plan(fleet.file)
     with fleet.in_the_air():
         operator = fleet.operator("preflight,arm,takeoff,go")
-        told, _ = operator.communicate(timeout=200)
-    assert operator.returncode == 0, told + fleet.log
-    assert "SUCCESS" in told
+        assert operator.wait(200) == 0, fleet.told + fleet.log
+    assert "SUCCESS" in fleet.told
     assert fleet.log.count("ground (landed)") == 6
     paths = true_paths(tmp_path, 6)
     gaps = np.linalg.norm(paths[:, :, None] - paths[:, None], axis=3) + 99 * np.eye(6)
@@ -47,7 +48,23 @@ def test_nothing_flies_before_preflight_is_green(tmp_path: Path) -> None:
     other = Fleet(tmp_path / "other", radio={"port": fleet.port}, height_m=0.9)
     with other.in_the_air():
         operator = fleet.operator("preflight,arm,takeoff,go")
-        told, _ = operator.communicate(timeout=100)
-    assert operator.returncode == 1
-    assert "it has another fleet file" in told
+        assert operator.wait(100) == 1
+    assert "it has another fleet file" in fleet.told
     assert "armed" not in other.log
+
+
+def test_a_killed_drone_and_a_killed_operator_bring_down_nobody_else_but_by_landing(tmp_path: Path) -> None:
+    """A drone's process dies in the mission, and a moment later the operator's: the others hold, and land."""
+    fleet = Fleet(tmp_path, "hall.yaml", guard={"operator_hold_s": 2, "operator_land_s": 4})
+    with fleet.in_the_air() as air:
+        operator = fleet.operator("preflight,arm,takeoff,go")
+        fleet.await_said("fly (start)", 6, 120)
+        os.kill(drone_processes(air)[3], signal.SIGKILL)
+        fleet.await_said("drone 3 (process", 1, 20)
+        operator.kill()
+        fleet.await_said("hold (operator not heard", 5, 30)
+        fleet.await_said("ground (landed)", 5, 60)
+        assert air.poll() is None
+    operator.wait(10)
+    assert fleet.log.count("land (") == 5
+    assert "dead" not in fleet.log

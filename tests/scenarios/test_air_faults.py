@@ -29,7 +29,7 @@ EXPECTED = {
     "parted": Expected(None, None, 6),
     "long parted": Expected(5.0, 15.0, 0),
     "deaf": Expected(5.0, 15.0, 5),
-    "clock": Expected(1.0, 11.0, 5),
+    "clock": Expected(2.5, 12.5, 5),
     "spoofed": Expected(None, None, 6),
     "frozen": Expected(0.15, 0.5, 5),
     "jump": Expected(0.0, 10.0, 5),
