@@ -82,7 +82,7 @@ class Care:
                 self._act()
                 self.line.reopen()
                 if now - self._told_at > _ACCOUNT_S:
-                    self.give_account()
+                    self._try(self.give_account)
 
     def _take(self, heard: Order | Vector) -> None:
         if not isinstance(heard, Order):
@@ -112,10 +112,8 @@ class Care:
         if seen is None:
             return
         self._told_at = now = time.monotonic()
-        silent_s, age_s = (
-            now - seen.at,
-            now - self.line.sure_at,
-        )  # what it makes of nothing measured is no position
+        silent_s = now - seen.at
+        age_s = now - self.line.sure_at  # a position that it makes up without measuring is none
         ills = {
             Ill.NO_LINK: silent_s > _SILENT_S,
             Ill.NO_POSITION: age_s > silent_s + _UNSURE_S,
