@@ -55,7 +55,7 @@ def test_nothing_that_is_kept_does_harm(name: str) -> None:
     tracemalloc.start()
     try:
         assert {label: told for label, data in inputs.items() if (told := complaint(target, data))} == {}
-        assert min(growth(target, inputs) for _ in range(3)) < MOST_KEPT_BYTES  # caches may grow once
+        assert any(growth(target, inputs) < MOST_KEPT_BYTES for _ in range(3))  # caches may grow once
     finally:
         tracemalloc.stop()
 

@@ -39,14 +39,23 @@ def complaints(said: "subprocess.CompletedProcess[str]") -> list[str]:
 # --- streams -----------------------------------------------------------------------------------------------
 
 
+FULL, CLOSED = (">/dev/full", "No space left on device"), (">&-", "Bad file descriptor")
+
+
 @pytest.mark.parametrize(
-    ("redirection", "why"),
-    [(">/dev/full", "No space left on device"), (">&-", "Bad file descriptor")],
+    ("words", "stream"),
+    [
+        (SHORT, FULL),
+        (SHORT, CLOSED),
+        ([*SHORT, "--json", "-"], FULL),
+        (["schema"], CLOSED),
+        (["--help"], FULL),
+    ],
 )
-@pytest.mark.parametrize("words", [SHORT, [*SHORT, "--json", "-"], ["schema"], ["mission"], ["--help"]])
 def test_a_stdout_that_cannot_be_written_is_told_in_one_line(
-    words: list[str], redirection: str, why: str
+    words: list[str], stream: tuple[str, str]
 ) -> None:
+    redirection, why = stream
     said = run(*words, sh=redirection)
     assert said.returncode == 3
     shown = [line for line in complaints(said) if line.startswith("rsc-swarm: ")]
