@@ -104,7 +104,8 @@ def rehearse(mission: Mission) -> None:
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0, world, world, rehearsal=True)
     quick, sensed = drone.answer_quickly(world), SensedPacker(empty_sensed(1)).pack(0)
     for tick in range(3):
-        asked = messages.make_tick(tick, 0, tick - 1, sensed)
+        heard = [b"no frame"] if tick == 0 else []  # to load what hears, too
+        asked = messages.make_tick(tick, 0, tick - 1, sensed, [0] * len(heard), heard)
         if quick(asked.data) is None:
             world.take(asked)
             drone.act(tick)

@@ -6,6 +6,7 @@ Learned ones are known by their model file: by its name if it comes with the pro
 import importlib
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -27,11 +28,17 @@ _BUILT_IN = {
 }
 
 
+@cache
+def _elsewhere() -> dict[str, str]:
+    """Policies of other packages: where they are, by name. Looked for once: that reads about every package there is, and what is
+    forked afterwards shares what was found.
+    """
+    return {point.name: point.value for point in entry_points(group=ENTRY_POINTS)}
+
+
 def policy_names() -> list[str]:
     """The policies that have a short name here."""
-    return sorted(
-        {*_BUILT_IN, *shipped_models(), *(point.name for point in entry_points(group=ENTRY_POINTS))}
-    )
+    return sorted({*_BUILT_IN, *shipped_models(), *_elsewhere()})
 
 
 def find_policy(name: str, mission: Mission) -> Policy:
@@ -62,9 +69,7 @@ def find_policy(name: str, mission: Mission) -> Policy:
 
 def _class_called(name: str) -> Any:
     address = _BUILT_IN.get(name, name)
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.name == name:
-            address = point.value
+    address = _elsewhere().get(name, address)
     place, class_name = split(address)
     file = file_of(address)
     if not (place and class_name) and file is None:

@@ -35,6 +35,7 @@ def install(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
     monkeypatch.setattr(
         registry, "entry_points", lambda group: points if group == registry.ENTRY_POINTS else []
     )
+    monkeypatch.setattr(registry, "_elsewhere", registry._elsewhere.__wrapped__)
 
 
 def test_built_in_policies_are_known_by_name() -> None:

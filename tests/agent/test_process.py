@@ -1,9 +1,10 @@
 """A drone's process: it says hello, answers each tick once, and leaves when it should."""
 
+import subprocess
+import sys
+
 import pytest
 
-from agent import process
-from agent import tick as cycle
 from agent.body.relayed import Ending
 from agent.process import fly
 from protocols.wire import messages
@@ -19,7 +20,7 @@ from protocols.wire.messages import (
     Wait,
     make_tick,
 )
-from tests.agent.drones import GOOD, ME, MISSION, NOW, POLICY, WELCOME, drone, reply, sensed, ticked
+from tests.agent.drones import GOOD, ME, NOW, POLICY, WELCOME, drone, reply, sensed, ticked
 
 
 class Script:
@@ -168,13 +169,27 @@ def test_a_drone_tells_of_itself_now_and_then() -> None:
     assert told == [0, 50, 100]
 
 
-def test_after_the_rehearsal_a_drone_that_swaps_compiles_nothing() -> None:
-    process.rehearse(MISSION)
-    ready = {
-        name: len(getattr(cycle, name).signatures) for name in ("before_policy", "aim_again", "after_policy")
-    }
-    assert all(ready.values())
-    one = drone()
-    for tick in range(NOW, NOW + 3):
-        one.answer(ticked(tick, GOOD if tick == NOW else []))
-    assert ready == {name: len(getattr(cycle, name).signatures) for name in ready}
+_LOADED = """
+import sys
+from agent import process
+from tests.agent import drones as story
+from tests.loopback import Hosted
+
+def loaded():
+    rules = [rule for name, module in sys.modules.items() if name.startswith("agent.") for rule in vars(module).values()]
+    return {f"{rule.__module__}.{rule.__name__}": len(rule.signatures) for rule in rules if hasattr(rule, "signatures")}
+
+for policy in ("rsc-h20", "analytic"):
+    mission = story.MISSION.model_copy(update={"policy": policy})
+    process.rehearse(mission)
+    before, one = loaded(), Hosted(mission, story.ME, story.WELCOME)
+    for tick in range(story.NOW, story.NOW + 3):
+        one.answer(story.ticked(tick, story.GOOD if tick == story.NOW else []))
+    print(policy, sorted(name for name, count in loaded().items() if count != before.get(name, 0)))
+"""
+
+
+def test_after_the_rehearsal_a_drone_that_swaps_and_hears_loads_nothing() -> None:
+    """Each process would else have it in its own memory, and be late by as long as it takes."""
+    said = subprocess.run([sys.executable, "-c", _LOADED], capture_output=True, text=True, check=True).stdout
+    assert said.splitlines() == ["rsc-h20 []", "analytic []"]
