@@ -35,6 +35,7 @@ _ACCOUNT_TICKS = 25
 _AGAIN_S = 0.3  # an order to the vehicle that shows no effect is given again
 _LATEST_GO_S = 1.0  # who hears of it later does not run after the others
 _HEARD_S = 0.5
+_ARM_S = 3.0  # so long an order to arm stands
 _HALF = 1 << 31
 _DONE: dict[Phase, Callable[[State], bool]] = {
     Phase.GROUND: lambda state: not state.armed,
@@ -74,6 +75,7 @@ class AirDrone:
         self._astray = (0.0, 0.0, 0.0)  # by which what it says of its position has jumped in this flight
         self._stand = Setpoint((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._asked_at = 0.0
+        self._arm_until = 0.0
 
     def hear(self, said: Said, now: float) -> None:
         """What somebody said; ``now``: s, of a clock that never steps. What cannot be, or in another's name, is not heard."""
@@ -91,6 +93,7 @@ class AirDrone:
         newer = self._word is not None and 0 < (word.number - self._word.number) % (2 * _HALF) < _HALF
         if newer:
             self._order = word.order  # the first that is heard may be of long ago
+            self._arm_until = now + _ARM_S if word.order is Order.ARM else now
         if self._word is None or newer:
             self._word = word
         if self._word is word or self._word.number == word.number:
@@ -119,6 +122,10 @@ class AirDrone:
         """
         (state, jump_m), utc_tick = self._measure(now), tick_of(utc_us)
         order, self._order = self._order, None
+        if now < self._arm_until and self.pilot.phase is Phase.GROUND:
+            order = order or Order.ARM  # what spoke against it a moment ago may be over
+        else:
+            self._arm_until = now  # who was armed once is not armed again by the same word
         if order is Order.GO and self._word and self.pilot.phase is Phase.FORM:
             late = (utc_tick - self._word.at_tick) * TICK_S
             self._go = self._word.at_tick if late < _LATEST_GO_S else None

@@ -45,3 +45,24 @@ def test_nobody_moves_before_go(flown: Hall) -> None:
     hall.order(Order.ABORT)
     hall.wait(10.0, {Phase.GROUND})
     assert hall.phases == {Phase.GROUND}
+
+
+def test_who_misses_somebody_when_it_is_to_be_armed_is_armed_when_it_hears_all() -> None:
+    hall = Hall(plan_of(), loses=lambda who, to, now: to == 2 and who == "4" and 1000.4 < now < 1002.0)
+    hall.wait(1.0)
+    hall.order(Order.ARM)
+    hall.wait(0.5)
+    assert hall.phases == {Phase.GROUND, Phase.ARMED}
+    hall.wait(2.0, {Phase.ARMED})
+    assert hall.phases == {Phase.ARMED}
+
+
+def test_who_was_disarmed_is_not_armed_again_by_the_same_word() -> None:
+    hall = Hall(plan_of())
+    hall.wait(1.0)
+    hall.order(Order.ARM)
+    hall.wait(0.3)
+    assert hall.phases == {Phase.ARMED}
+    hall.drones[1].land()
+    hall.wait(1.0)
+    assert [drone.pilot.phase for drone in hall.drones].count(Phase.GROUND) == 1
