@@ -1,6 +1,6 @@
 """The radio hosts of a fleet: which dongle leads which Crazyflies, and how the program of one is started.
 
-That program is `radiohost`, a process of its own: it alone knows cflib, which is under the GPL.
+That program is `rsc_swarm.radiohost`, a process of its own: it alone knows cflib, which is under the GPL.
 """
 
 import json
@@ -29,7 +29,7 @@ class Radio(NamedTuple):
 
     @property
     def settings(self) -> str:
-        """As ``python -m radiohost`` wants them."""
+        """As ``python -m rsc_swarm.radiohost`` wants them."""
         limits = asdict(self.limits)
         charges = [{"drone": drone, "uri": uri, "limits": limits} for drone, uri in self.drones]
         return json.dumps({"swarm": self.swarm, "endpoint": self.endpoint, "charges": charges})
@@ -92,7 +92,7 @@ def radio_of(plan: Plan, dongle: int | None) -> Radio:
 
 def be_host(radio: Radio) -> NoReturn:
     """Become the program of a radio host."""
-    os.execv(sys.executable, [sys.executable, "-m", "radiohost", radio.settings])
+    os.execv(sys.executable, [sys.executable, "-m", "rsc_swarm.radiohost", radio.settings])
 
 
 def _dongle(spec: DroneSpec, uri: str) -> int:

@@ -8,7 +8,6 @@ import pytest
 
 import agent
 import protocols
-import radiohost
 import rsc_swarm
 import world
 from protocols.errors import BrokenError, ExitCode, SwarmError
@@ -24,14 +23,14 @@ _INTERNAL = {
     "VehicleMessageError",
 }
 _INTERRUPTED = {"PolicyStuck"}  # known of only because somebody asked to leave
-_OURS = ("protocols", "agent", "world", "radiohost", "rsc_swarm")
+_OURS = ("protocols", "agent", "world", "rsc_swarm")
 
 
 def errors() -> list[type[Exception]]:
     found = set()
-    for package in (protocols, agent, world, radiohost, rsc_swarm):
+    for package in (protocols, agent, world, rsc_swarm):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if module.name.startswith("radiohost.") and not importlib.util.find_spec("cflib"):
+            if module.name.startswith("rsc_swarm.radiohost.") and not importlib.util.find_spec("cflib"):
                 continue
             if module.name.endswith("__main__") or module.name.startswith("rsc_swarm.training."):
                 continue

@@ -58,7 +58,7 @@ class Flight:
         return Seen(self.now, motion.p, motion.v, 0.0, 0.0, 1.0, armed, arms_itself, flying, locked)
 
     def packets(self, act: Act) -> list[bytes]:
-        """As radiohost.line says it."""
+        """As rsc_swarm.radiohost.line says it."""
         match act:
             case Stream(p, v, a, _):
                 self.setpoints.append(self.now)

@@ -39,7 +39,9 @@ def main() -> None:
             time.sleep(SECONDS)
             taken = time.monotonic() - begun
             for one, earlier in zip(children, before, strict=True):
-                kind = "radio host with three Crazyflies" if "radiohost" in one.cmdline() else "drone"
+                kind = (
+                    "radio host with three Crazyflies" if "rsc_swarm.radiohost" in one.cmdline() else "drone"
+                )
                 share = (sum(one.cpu_times()[:2]) - earlier) / taken
                 memory = one.memory_full_info().pss / 1e6
                 print(f"{kind:33s} {100 * share:4.1f} % of a core, {memory:3.0f} MB")

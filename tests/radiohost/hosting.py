@@ -17,7 +17,9 @@ def hosting(port: int, dongle: int, **limits: float) -> Iterator[subprocess.Pope
     """For one Crazyflie, as drone 0, at a UDP port of this machine."""
     charge = {"drone": 0, "uri": f"udp://127.0.0.1:{port}", "limits": limits}
     settings = {"swarm": "rsc", "endpoint": host_endpoint(dongle), "charges": [charge]}
-    with subprocess.Popen([sys.executable, "-m", "radiohost", json.dumps(settings)], cwd=ROOT) as host:
+    with subprocess.Popen(
+        [sys.executable, "-m", "rsc_swarm.radiohost", json.dumps(settings)], cwd=ROOT
+    ) as host:
         try:
             yield host
         finally:

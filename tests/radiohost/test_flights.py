@@ -14,8 +14,8 @@ from agent.air.vehicle import Mode, Rig, Setpoint, State, Vehicle, VehicleError,
 from protocols.closing import Closing
 from protocols.keeper import Limits
 from protocols.wire.vehicles import host_endpoint, pack_fix
-from radiohost.host import Charge, RadioHost
-from radiohost.line import Line, LineError, init_drivers
+from rsc_swarm.radiohost.host import Charge, RadioHost
+from rsc_swarm.radiohost.line import Line, LineError, init_drivers
 from tests.fakes.crazyflie import FakeCrazyflie, Stage
 from tests.fakes.udp import Wires
 from tests.radiohost.hosting import hosting

@@ -114,7 +114,11 @@ def test_a_radio_host_says_in_one_line_what_is_wrong(settings: str, code: int, w
     if code == 3:
         pytest.importorskip("cflib", reason="the extra 'radio' is not installed")
     ended = subprocess.run(
-        [sys.executable, "-m", "radiohost", settings], cwd=ROOT, capture_output=True, text=True, timeout=60
+        [sys.executable, "-m", "rsc_swarm.radiohost", settings],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert ended.returncode == code
     assert ended.stderr.startswith(why)
@@ -132,4 +136,4 @@ def test_neither_a_drone_nor_the_command_loads_cflib() -> None:
         timeout=60,
     ).stdout.split()
     assert "agent.air.crazyflie" in loaded
-    assert not {"cflib", "radiohost", "pymavlink"} & set(loaded)
+    assert not {"cflib", "rsc_swarm.radiohost", "pymavlink"} & set(loaded)

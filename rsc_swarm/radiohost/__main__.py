@@ -1,4 +1,4 @@
-"""``python -m radiohost SETTINGS``: a radio host, until it is asked to leave; then it brings down who flies.
+"""``python -m rsc_swarm.radiohost SETTINGS``: a radio host, until it is asked to leave; then it brings down who flies.
 
 SETTINGS is one JSON object, as `rsc-swarm radio` writes it:
 
@@ -53,7 +53,7 @@ def main(text: str) -> ExitCode:
         print(f"radiohost: {place}: {first['msg']}; rsc-swarm radio writes them", file=sys.stderr)
         return ExitCode.BAD_USAGE
     try:
-        from radiohost.host import Charge, RadioHost
+        from rsc_swarm.radiohost.host import Charge, RadioHost
     except ModuleNotFoundError as error:
         print(f"radiohost: {error.name} is missing: pip install 'rsc-swarm[radio]'", file=sys.stderr)
         return ExitCode.BROKEN

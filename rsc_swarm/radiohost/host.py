@@ -22,8 +22,8 @@ from protocols.wire import vehicles
 from protocols.wire.keys import LinkError
 from protocols.wire.transport import COMMON
 from protocols.wire.vehicles import Account, Ill, Mode, Order, Vector, VehicleMessageError
-from radiohost.line import Line, init_drivers
-from radiohost.warden import Warden
+from rsc_swarm.radiohost.line import Line, init_drivers
+from rsc_swarm.radiohost.warden import Warden
 
 _SILENT_S = 0.25  # a vehicle of which nothing is heard for so long has no link
 _UNSURE_S = 0.05
@@ -159,7 +159,7 @@ class RadioHost(Closing):
         """Reach all charges.
 
         Raises:
-            radiohost.line.LineError: one is not there, within ``timeout_s``.
+            rsc_swarm.radiohost.line.LineError: one is not there, within ``timeout_s``.
         """
         init_drivers()
         self._each(lambda line: line.open(timeout_s))

@@ -24,7 +24,7 @@ class Warden:
     def __init__(self) -> None:
         # A session of its own: what ends the host with all that was started from its terminal is to spare this one.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "radiohost.warden"],
+            [sys.executable, "-m", "rsc_swarm.radiohost.warden"],
             stdin=subprocess.PIPE,
             text=True,
             start_new_session=True,
@@ -73,7 +73,7 @@ def _bring_down(uri: str, duration_s: float) -> None:
     import cflib.crtp
     from cflib.crazyflie import Crazyflie
 
-    from radiohost.line import land
+    from rsc_swarm.radiohost.line import land
 
     cf = Crazyflie(link=cflib.crtp.get_link_driver(uri, lambda _: None, lambda _: None))
     for _ in range(_TIMES):
@@ -84,7 +84,7 @@ def _bring_down(uri: str, duration_s: float) -> None:
 def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    from radiohost.line import init_drivers
+    from rsc_swarm.radiohost.line import init_drivers
 
     init_drivers()
     bring_down(who_flies(sys.stdin))
