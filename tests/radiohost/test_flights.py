@@ -171,7 +171,7 @@ def test_one_that_is_told_where_it_is_says_when_it_is_told_no_more(room: Room) -
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", f'["{host_endpoint(DONGLE)}"]')
-    told.until(lambda state: state.health == ("it is not sure of its position",) and state.age_s > 100.0)
+    told.until(lambda state: state.health == ("it is not sure of its position",) and state.age_s > 0.5)
     with zenoh.open(config) as tracker:
         told.until(
             lambda state: state.health == () and math.dist(state.p, (1.0, 2.0, 0.5)) < 0.01,
