@@ -25,6 +25,7 @@ from agent.tick_arrays import TickArrays
 from protocols.kernels import inlined_kernel
 from protocols.wire.frames import KNOWN_BYTES
 from protocols.wire.messages import MAX_HEARD, REPLY_HEAD, REPLY_MARK, TICK_HEAD, TICK_MARK
+from protocols.wire.rows import get_number, put_bytes, put_number
 from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES
 from protocols.wire.status import STATUS_EVERY
 
@@ -60,29 +61,9 @@ class Quick(NamedTuple):
 
 
 @inlined_kernel
-def _get(data: NDArray[np.uint8], at: int, size: int) -> int:
-    value = 0
-    for place in range(size):
-        value += int(np.int64(data[at + place])) << (8 * place)
-    return value
-
-
-@inlined_kernel
-def _put(data: NDArray[np.uint8], at: int, value: int, size: int) -> None:
-    for place in range(size):
-        data[at + place] = (value >> (8 * place)) & 255
-
-
-@inlined_kernel
-def _copy(source: NDArray[np.uint8], begin: int, target: NDArray[np.uint8], at: int, size: int) -> None:
-    for place in range(size):
-        target[at + place] = source[begin + place]
-
-
-@inlined_kernel
 def tick_of(quick: Quick) -> int:
     """The tick that the message is of, if it is a Tick."""
-    return _get(quick.ears.data, _TICK_AT, 4)
+    return get_number(quick.ears.data, _TICK_AT, 4)
 
 
 @inlined_kernel
@@ -95,20 +76,20 @@ def begin_tick(size: int, quick: Quick) -> int:
     said, sensed = quick.ears.data, quick.arrays.sensed
     if size < _TICK_HEAD or said[0] != TICK_MARK:
         return RARE
-    obstacles, near = _get(said, 1, 1), _get(said, 2, 2)
-    tick, heard = tick_of(quick), _get(said, _HEARD_AT, 4)
+    obstacles, near = get_number(said, 1, 1), get_number(said, 2, 2)
+    tick, heard = tick_of(quick), get_number(said, _HEARD_AT, 4)
     near_at = _TICK_HEAD + OWN_BYTES
     obstacles_at = near_at + near * _NEAR
     at = obstacles_at + obstacles * _DISC
-    late = _get(said, _FOLLOWED_AT, 4) != tick - 1
+    late = get_number(said, _FOLLOWED_AT, 4) != tick - 1
     if late or tick <= quick.last[0] or tick % STATUS_EVERY == 0:
         return RARE
     if near > MAX_NEAR or obstacles > MAX_OBSTACLES or at > size or heard > MAX_HEARD:
         return RARE
-    _copy(said, _TICK_HEAD, quick.position_bytes, 0, _VECTOR_BYTES)
-    _copy(said, _TICK_HEAD + _VECTOR_BYTES, quick.velocity_bytes, 0, _VECTOR_BYTES)
-    _copy(said, near_at, quick.near_bytes, 0, obstacles_at - near_at)
-    _copy(said, obstacles_at, quick.obstacles_bytes, 0, at - obstacles_at)
+    put_bytes(quick.position_bytes, 0, said, _TICK_HEAD, _VECTOR_BYTES)
+    put_bytes(quick.velocity_bytes, 0, said, _TICK_HEAD + _VECTOR_BYTES, _VECTOR_BYTES)
+    put_bytes(quick.near_bytes, 0, said, near_at, obstacles_at - near_at)
+    put_bytes(quick.obstacles_bytes, 0, said, obstacles_at, at - obstacles_at)
     sensed.near_count[0], sensed.obstacle_count[0] = near, obstacles
     for row in range(heard):
         beyond = entry_end(at, size, said)
@@ -133,18 +114,18 @@ def end_tick(tick: int, quick: Quick) -> int:
     frames, at, frame_size = arrays.frames, _REPLY_HEAD, 0
     if arrays.work.sent[0]:
         known, fixed_size = int(np.int64(frames.known_count[own])), frames.fixed_bytes.shape[1]
-        _copy(frames.fixed_bytes[own], 0, answer, at, fixed_size)
-        _copy(frames.known_bytes[own], 0, answer, at + fixed_size, 2 * known)
-        _copy(frames.displacement_bytes[own], 0, answer, at + fixed_size + 2 * known, 8 * known)
+        put_bytes(answer, at, frames.fixed_bytes[own], 0, fixed_size)
+        put_bytes(answer, at + fixed_size, frames.known_bytes[own], 0, 2 * known)
+        put_bytes(answer, at + fixed_size + 2 * known, frames.displacement_bytes[own], 0, 8 * known)
         frame_size = fixed_size + KNOWN_BYTES * known
-    _put(answer, 0, REPLY_MARK, 4)
-    _put(answer, 4, quick.process, 4)
-    _put(answer, 8, tick, 4)
-    _copy(quick.ears.data, _PROOF_AT, answer, 12, 4)
-    _put(answer, 16, arrays.views.slot[0], 2)
-    _put(answer, 18, frame_size, 2)
-    _put(answer, 20, 0, 4)
-    _copy(quick.command_bytes, 0, answer, 24, 16)
+    put_number(answer, 0, REPLY_MARK, 4)
+    put_number(answer, 4, quick.process, 4)
+    put_number(answer, 8, tick, 4)
+    put_bytes(answer, 12, quick.ears.data, _PROOF_AT, 4)
+    put_number(answer, 16, arrays.views.slot[0], 2)
+    put_number(answer, 18, frame_size, 2)
+    put_number(answer, 20, 0, 4)
+    put_bytes(answer, 24, quick.command_bytes, 0, 16)
     place = tick % quick.commands.tick.shape[0]
     quick.commands.tick[place] = tick
     quick.commands.on_time[0] += 1

@@ -11,6 +11,7 @@ from protocols.kernels import by_reference, inlined_kernel, kernel
 from protocols.wire import messages
 from protocols.wire.frames import KNOWN_BYTES, REASONS, Frames, fault, read_frame
 from protocols.wire.heard import ENTRY_BYTES
+from protocols.wire.rows import get_number
 
 _OLDEST_FRAME = 200  # ticks; the medium delays no frame longer
 _MALFORMED, _WRONG_SENDER = REASONS.index("malformed"), REASONS.index("sender")
@@ -38,7 +39,7 @@ def entry_end(at: int, end: int, data: NDArray[np.uint8]) -> int:
     """Where the entry that begins at ``at`` ends (protocols.wire.heard); -1 if it is not whole."""
     if at + ENTRY_BYTES > end:
         return -1
-    beyond = at + ENTRY_BYTES + int(np.int64(data[at + 2])) + 256 * int(np.int64(data[at + 3]))
+    beyond = at + ENTRY_BYTES + get_number(data, at + 2, 2)
     return beyond if beyond <= end else -1
 
 
@@ -50,7 +51,7 @@ def hear_entry(tick: int, at: int, beyond: int, row: int, ears: Ears) -> int:
         Why it must not be believed, as an index of `REASONS`; -1 if it may be, if its note may, should it be loud.
     """
     data, frames = ears.data, ears.frames
-    source = int(np.int64(data[at])) + 256 * int(np.int64(data[at + 1]))
+    source = get_number(data, at, 2)
     begin = at + ENTRY_BYTES
     reason = read_frame(data, begin, beyond - begin, ears.tag, frames, row)
     if reason >= 0:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel
-from protocols.wire.rows import bytes_of
+from protocols.wire.rows import bytes_of, put_bytes
 
 VERSION = 2
 MAX_FRAME_BYTES = 1600
@@ -173,9 +173,8 @@ def read_frame(data: NDArray[np.uint8], at: int, size: int, tag: int, frames: Fr
         return _OVERSIZED
     if size < _SIZE:
         return _MALFORMED
-    for place in range(_SIZE):
-        frames.fixed_bytes[row, place] = data[at + place]
-    count = np.int64(frames.known_count[row])
+    put_bytes(frames.fixed_bytes[row], 0, data, at, _SIZE)
+    count = int(np.int64(frames.known_count[row]))
     if frames.version[row] != VERSION:
         return _VERSION
     if frames.tag[row] != tag:
@@ -184,10 +183,8 @@ def read_frame(data: NDArray[np.uint8], at: int, size: int, tag: int, frames: Fr
     whole, loud = _SIZE + KNOWN_BYTES * count, frames.loud[row]
     if count > MAX_KNOWN or loud > 1 or size < whole or (size > whole) != (loud == 1):
         return _MALFORMED
-    for place in range(2 * count):
-        frames.known_bytes[row, place] = data[known + place]
-    for place in range(8 * count):
-        frames.displacement_bytes[row, place] = data[displacement + place]
+    put_bytes(frames.known_bytes[row], 0, data, known, 2 * count)
+    put_bytes(frames.displacement_bytes[row], 0, data, displacement, 8 * count)
     return -1
 
 

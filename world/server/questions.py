@@ -11,6 +11,7 @@ from protocols.kernels import by_reference, inlined_kernel, kernel
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.heard import ENTRY_BYTES
 from protocols.wire.messages import TICK_HEAD, TICK_MARK
+from protocols.wire.rows import put_bytes, put_number
 from protocols.wire.sensed import DISC, NEIGHBOUR, OWN_BYTES
 from world.core import WorldCore
 
@@ -52,20 +53,6 @@ class _Desk(NamedTuple):
 
 
 @inlined_kernel
-def _put(out: NDArray[np.uint8], at: int, value: int, size: int) -> int:
-    for place in range(size):
-        out[at + place] = (value >> (8 * place)) & 255
-    return at + size
-
-
-@inlined_kernel
-def _copy(out: NDArray[np.uint8], at: int, data: NDArray[np.uint8], size: int) -> int:
-    for place in range(size):
-        out[at + place] = data[place]
-    return at + size
-
-
-@inlined_kernel
 def _size_of(row: int, desk: _Desk) -> int:
     size: int = _HEAD_BYTES + OWN_BYTES
     size += desk.near_count[row] * _NEAR_BYTES + desk.obstacle_count[row] * _DISC_BYTES
@@ -93,24 +80,24 @@ def _write_ticks(tick: int, proof: int, awake: NDArray[np.bool_], desk: _Desk) -
         if not awake[row]:
             continue
         near, obstacles = desk.near_count[row], desk.obstacle_count[row]
-        at = _put(out, bounds[row], TICK_MARK, 1)
-        at = _put(out, at, obstacles, 1)
-        at = _put(out, at, near, 2)
-        at = _put(out, at, tick, 4)
-        at = _put(out, at, proof, 4)
-        at = _put(out, at, desk.followed[row], 4)
-        at = _put(out, at, desk.start[row + 1] - desk.start[row], 4)
-        at = _copy(out, at, desk.position[row], desk.position.shape[1])
-        at = _copy(out, at, desk.velocity[row], desk.velocity.shape[1])
-        at = _copy(out, at, desk.near[row], near * _NEAR_BYTES)
-        at = _copy(out, at, desk.obstacles[row], obstacles * _DISC_BYTES)
+        at = put_number(out, bounds[row], TICK_MARK, 1)
+        at = put_number(out, at, obstacles, 1)
+        at = put_number(out, at, near, 2)
+        at = put_number(out, at, tick, 4)
+        at = put_number(out, at, proof, 4)
+        at = put_number(out, at, desk.followed[row], 4)
+        at = put_number(out, at, desk.start[row + 1] - desk.start[row], 4)
+        at = put_bytes(out, at, desk.position[row], 0, desk.position.shape[1])
+        at = put_bytes(out, at, desk.velocity[row], 0, desk.velocity.shape[1])
+        at = put_bytes(out, at, desk.near[row], 0, near * _NEAR_BYTES)
+        at = put_bytes(out, at, desk.obstacles[row], 0, obstacles * _DISC_BYTES)
         for index in range(desk.start[row], desk.start[row + 1]):
             source = desk.arrived[index, 0]
             bucket = desk.arrived[index, 1] % frames.size.shape[0]
             size = frames.size[bucket, source]
-            at = _put(out, at, source, 2)
-            at = _put(out, at, size, 2)
-            at = _copy(out, at, frames.data[bucket, source], size)
+            at = put_number(out, at, source, 2)
+            at = put_number(out, at, size, 2)
+            at = put_bytes(out, at, frames.data[bucket, source], 0, size)
     return total
 
 
