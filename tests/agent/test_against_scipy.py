@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import approx_fprime, minimize
@@ -71,6 +71,7 @@ def test_the_nearest_point_is_the_quadratic_programs(seed: int, count: int) -> N
 
 @few
 @given(seed=SEEDS, count=st.integers(3, 8), hard=st.integers(0, 2))
+@example(seed=636960790, count=5, hard=0)
 def test_the_least_violation_is_the_cone_programs(seed: int, count: int, hard: int) -> None:
     rng = np.random.default_rng(seed)
     rows = some_rows(rng, count)
@@ -79,7 +80,11 @@ def test_the_least_violation_is_the_cone_programs(seed: int, count: int, hard: i
     assume(kept < count)
     x, y = least_violation(kept, count, hard, rows, RADIUS, x, y)
     worst = np.max(rows[hard:, 2] - rows[hard:, :2] @ (x, y))
-    assert worst == pytest.approx(least_common_violation(rows, hard), abs=1e-4)
+    assert (
+        worst <= least_common_violation(rows, hard) + 1e-4
+    )  # the library's solver may stop a little short of the least
+    assert np.all(rows[:hard, :2] @ (x, y) >= rows[:hard, 2] - 1e-6)
+    assert math.hypot(x, y) <= RADIUS + 1e-6
 
 
 VECTOR = st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))

@@ -238,9 +238,10 @@ def test_workers_in_a_policy_that_does_not_return_are_ended(tmp_path):
         "        return seen.slot_error\n"
     )
     policy = f"{tmp_path}/homing.py:Homing"
+    before = set(psutil.Process().children())  # of other tests
     with pytest.raises(PolicyError, match=r"raised AssertionError at .*homing.py:6 \(act\)"):
         list(fly_all(SHORT.model_copy(update={"policy": policy}), SEEDS[:2], 2))
-    assert not psutil.Process().children()
+    assert set(psutil.Process().children()) <= before
 
 
 def test_a_map_without_room_is_named():
