@@ -1,7 +1,5 @@
 """The thin shell around agent.quick: one drone's ticks in a relayed world."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from agent.quick import Quick
 from agent.radio.hearing import Hearing
 from protocols.kernels import by_reference
 from protocols.wire.messages import MAX_FROM_DRONE
+from protocols.wire.rows import as_bytes
 
 
 class QuickTicks:
@@ -29,9 +28,9 @@ class QuickTicks:
         self._data, self._into = world.heard, world.heard.data
         self._quick = by_reference(
             Quick(
-                world.process, core.arrays, self._hearing.ears(world.heard), _bytes_of(sensed.position),
-                _bytes_of(sensed.velocity), _bytes_of(sensed.near), _bytes_of(sensed.obstacles), core.command,
-                _bytes_of(core.command), world.commands, self._last, self._answer,
+                world.process, core.arrays, self._hearing.ears(world.heard), as_bytes(sensed.position),
+                as_bytes(sensed.velocity), as_bytes(sensed.near), as_bytes(sensed.obstacles), core.command,
+                as_bytes(core.command), world.commands, self._last, self._answer,
             )
         )  # fmt: skip
 
@@ -55,7 +54,3 @@ class QuickTicks:
         self._into[: len(message)] = message
         size = policy.fly(len(message), self._quick)
         return None if size < 0 else (self._last_tick[0], self._answer_bytes[:size].tobytes())
-
-
-def _bytes_of(array: NDArray[Any]) -> NDArray[np.uint8]:
-    return array.reshape(-1).view(np.uint8)

@@ -189,13 +189,11 @@ class WorldCore:
         if not self.flying[world, agent]:
             return False
         self.struck_off[world].append(StruckOff(agent, round(int(self.tick[world]) * TICK_S, 2), why))
-        self.flying[world, agent] = self.responsive[world, agent] = False
-        self._barred[world, agent] = True
-        self._fell(world, [agent])
+        self.land(world, agent)
         return True
 
     def land(self, world: int, agent: int) -> None:
-        """Take a drone that its failsafe lands out of the air."""
+        """Take a drone, one that its failsafe lands say, out of the air for good."""
         self.flying[world, agent] = self.responsive[world, agent] = False
         self._barred[world, agent] = True
         self._fell(world, [agent])

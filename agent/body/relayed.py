@@ -29,7 +29,7 @@ from protocols.wire.messages import (
     Wait,
     Welcome,
 )
-from protocols.wire.sensed import SensedPacker, SensedReader, empty_sensed
+from protocols.wire.sensed import SensedReader, empty_sensed
 from protocols.wire.status import AgentStatus
 
 _LISTEN_S = 0.2
@@ -58,7 +58,7 @@ class Link(Protocol):
     def cast(self, payload: bytes) -> bool: ...
 
 
-_NOTHING = messages.make_tick(0, 0, -1, SensedPacker(empty_sensed(1)).pack(0))._replace(tick=-1)
+_NOTHING = Tick(-1, 0, -1, 0, 0, 0, b"")
 
 
 class RelayedWorld:

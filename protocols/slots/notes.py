@@ -105,20 +105,6 @@ def encode(note: SlotNote) -> tuple[Any, ...]:
     return (note.digest, int(note.settled), int(note.amnesiac), *note[3:6], ops, had, packed)
 
 
-def quiet_note(digest: int) -> tuple[int, int]:
-    """An encoded quiet, settled note."""
-    return digest, 1
-
-
-def quiet_digest(obj: object) -> int | None:
-    """The digest of an encoded quiet, settled note, which nearly every frame carries; None for any other."""
-    if type(obj) is list and len(obj) == 2:
-        digest, settled = obj
-        if type(digest) is int and 0 <= digest < _DIGEST_END and type(settled) is int and settled == 1:
-            return digest
-    return None
-
-
 def decode(obj: object, n_agents: int) -> SlotNote:
     """The note that `encode` wrote, as msgpack read it. ValueError for what `encode` would not write."""
     fields = _list(obj)

@@ -59,14 +59,6 @@ KNOWN_BYTES = 2 + 8  # of one known drone
 _SIZE = FIXED.itemsize
 
 
-class FrameError(ValueError):
-    """A frame that must not be believed."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
-
-
 class Frames(NamedTuple):
     """Rows of frames. ``fixed`` holds the records; the arrays after it, to ``known_count``, are views of its fields for kernels.
 

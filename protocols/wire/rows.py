@@ -10,7 +10,12 @@ from protocols.kernels import inlined_kernel
 
 def bytes_of(array: NDArray[Any]) -> memoryview:
     """The bytes of a contiguous array, to be read and written in place."""
-    return array.reshape(-1).view(np.uint8).data
+    return as_bytes(array).data
+
+
+def as_bytes(array: NDArray[Any]) -> NDArray[np.uint8]:
+    """The same, as an array for kernels."""
+    return array.reshape(-1).view(np.uint8)
 
 
 @inlined_kernel

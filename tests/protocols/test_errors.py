@@ -16,7 +16,6 @@ from protocols.errors import BrokenError, ExitCode, SwarmError
 _INTERNAL = {
     "AccountError",
     "BeaconError",
-    "FrameError",
     "IllegalSwap",
     "MessageError",
     "OperatorError",

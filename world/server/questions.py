@@ -11,7 +11,7 @@ from protocols.kernels import by_reference, inlined_kernel, kernel
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.heard import ENTRY_BYTES
 from protocols.wire.messages import TICK_HEAD, TICK_MARK
-from protocols.wire.rows import put_bytes, put_number
+from protocols.wire.rows import as_bytes, put_bytes, put_number
 from protocols.wire.sensed import DISC, NEIGHBOUR, OWN_BYTES
 from world.core import WorldCore
 
@@ -115,8 +115,8 @@ class Questions:
         self._written = written.data
         self._desk = by_reference(
             _Desk(
-                sensed.near_count, sensed.obstacle_count, _bytes_of(sensed.position), _bytes_of(sensed.velocity),
-                _bytes_of(sensed.near), _bytes_of(sensed.obstacles), self._followed, core.inbox_start, core.inbox,
+                sensed.near_count, sensed.obstacle_count, _rows_of(sensed.position), _rows_of(sensed.velocity),
+                _rows_of(sensed.near), _rows_of(sensed.obstacles), self._followed, core.inbox_start, core.inbox,
                 self._frames, self._bounds, written,
             )
         )  # fmt: skip
@@ -130,6 +130,6 @@ class Questions:
         return [self._written[first:end].tobytes() for first, end in pairwise(bounds)]
 
 
-def _bytes_of(array: NDArray[Any]) -> NDArray[np.uint8]:
+def _rows_of(array: NDArray[Any]) -> NDArray[np.uint8]:
     """(N, ...) bytes of the rows of an array."""
-    return array.view(np.uint8).reshape(len(array), -1)
+    return as_bytes(array).reshape(len(array), -1)
