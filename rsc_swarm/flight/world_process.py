@@ -84,10 +84,11 @@ class PipeControl:
         self.tell("gathered", ready)
 
     def show(self, picture: Snapshot) -> None:
-        self.tell("show", picture)
+        # First the figures: of whatever was shown, there is something to report.
         if self.so_far and (now := time.monotonic()) >= self._so_far_at:
             self._so_far_at = now + _SO_FAR_EVERY_S
             self.tell("so far", self.so_far())
+        self.tell("show", picture)
 
 
 def be_world(

@@ -1,9 +1,13 @@
 """Processes that a launcher starts, watches and ends: each end is told once, and who is asked to leave can do so in peace."""
 
 from collections.abc import Callable
+from multiprocessing import Pipe
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from rsc_swarm.flight.world_process import PipeControl
 
 
 def test_every_end_is_reported_once_by_name(tell: Callable[[str], list[str]]) -> None:
@@ -198,3 +202,13 @@ def test_a_launcher_that_has_opened_zenoh_is_told_so_instead_of_hanging(
     )
     assert len(lines) == 1
     assert lines[0].startswith("this process has opened Zenoh")
+
+
+def test_of_whatever_the_world_has_shown_its_launcher_has_the_figures() -> None:
+    ours, theirs = Pipe()
+    shown: Any = "a picture"
+    figures: Any = "its figures"
+    control = PipeControl(theirs, lambda: False)
+    control.so_far = lambda: figures
+    control.show(shown)
+    assert [ours.recv(), ours.recv()] == [("so far", figures), ("show", shown)]
