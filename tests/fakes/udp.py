@@ -13,6 +13,17 @@ from protocols.closing import Closing
 _STEP_S = 0.005
 
 
+def free_ports(count: int) -> list[int]:
+    """UDP ports of this machine at which nobody listens."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    for one in sockets:
+        one.bind(("127.0.0.1", 0))
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return ports
+
+
 class Fake(Protocol):
     """A vehicle at one end of a datagram link."""
 

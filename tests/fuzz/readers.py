@@ -49,8 +49,8 @@ from rsc_swarm.study.finished import FinishedFlights
 from rsc_swarm.study.tables.markdown import markdown
 from rsc_swarm.study.tables.result import as_csv, read_table
 from rsc_swarm.training.config import TrainingConfig, make_config
-from tests.fuzz import seeds
-from tests.fuzz.seeds import AGENTS, NOW
+from tests.fuzz import seed_files
+from tests.fuzz.seed_messages import AGENTS, NOW
 from tests.parts import times_of
 from world.outlets.trajectory import Trajectory
 from world.server.credentials import Credentials
@@ -164,15 +164,15 @@ def read_login(data: bytes) -> None:
     login = certificates.read_login(data.decode("utf-8"))
     assert certificates.read_login(login.to_json()) == login
     if login.certificates:
-        certificates.refuse_out_of_date(login.certificates, seeds.TODAY)
+        certificates.refuse_out_of_date(login.certificates, seed_files.TODAY)
 
 
 def read_world_keys(data: bytes) -> None:
     keys_of_all = Credentials.from_json(data.decode("utf-8"))
     assert Credentials.from_json(keys_of_all.to_json()) == keys_of_all
     if keys_of_all.certificates:
-        certificates.refuse_out_of_date(keys_of_all.certificates, seeds.TODAY)
-        certificates.refuse_other_address(keys_of_all.certificates, seeds.ADDRESS)
+        certificates.refuse_out_of_date(keys_of_all.certificates, seed_files.TODAY)
+        certificates.refuse_other_address(keys_of_all.certificates, seed_files.ADDRESS)
 
 
 # --- what people write -------------------------------------------------------------------------------------------------------
@@ -236,14 +236,14 @@ def read_words(data: bytes) -> None:
 def read_model(path: Path) -> None:
     """A note, beside the model it was written for."""
     model = path.with_suffix(".onnx")
-    model.write_bytes(seeds.MODEL)
+    model.write_bytes(seed_files.MODEL)
     _ = model_file._read.__wrapped__(model, (0, 0), (0, 0)).facts.shapes
 
 
 def read_journal(path: Path) -> None:
     with FinishedFlights(path) as book:
         if book.flights:
-            summarise(seeds.FLOWN, list(book.flights.values()), 1, "")
+            summarise(seed_files.FLOWN, list(book.flights.values()), 1, "")
 
 
 def read_result(path: Path) -> None:

@@ -55,7 +55,7 @@ from rsc_swarm.study.finished import FinishedFlightsError
 from rsc_swarm.study.tables import result
 from rsc_swarm.study.tables.result import TableError, as_csv, read_table
 from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
-from tests.fuzz import mutate, readers, seeds
+from tests.fuzz import mutate, readers, seed_files, seed_messages
 from tests.fuzz.mutate import Change
 from world.outlets import trajectory
 from world.outlets.trajectory import TrajectoryError
@@ -83,19 +83,19 @@ def is_declared(target: Target, error: Exception) -> bool:
 
 TARGETS = {
     "frame": Target(
-        readers.read_frame, (), seeds.frames, mutate.bytes_changed, (frames.read_frame, frames.fault)
+        readers.read_frame, (), seed_messages.frames, mutate.bytes_changed, (frames.read_frame, frames.fault)
     ),
     "heard": Target(
         readers.read_heard,
         (),
-        seeds.heard,
+        seed_messages.heard,
         mutate.bytes_changed,
         (hearing.entry_end, hearing.hear_entry, hearing.Hearing, Air.read_note, heard.unpack_heard),
     ),
     "note": Target(
         readers.read_note,
         (ValueError,),
-        seeds.notes,
+        seed_messages.notes,
         mutate.msgpack_changed,
         (
             notes.decode,
@@ -109,12 +109,16 @@ TARGETS = {
         ),
     ),
     "status": Target(
-        readers.read_status, (ValueError,), seeds.statuses, mutate.msgpack_changed, (status.parse_status,)
+        readers.read_status,
+        (ValueError,),
+        seed_messages.statuses,
+        mutate.msgpack_changed,
+        (status.parse_status,),
     ),
     "from-drone": Target(
         readers.read_from_drone,
         (MessageError,),
-        seeds.from_drone,
+        seed_messages.from_drone,
         mutate.message_changed,
         (
             messages.unpack_from_drone,
@@ -129,14 +133,14 @@ TARGETS = {
     "from-world": Target(
         readers.read_from_world,
         (MessageError, MissionError),
-        seeds.from_world,
+        seed_messages.from_world,
         mutate.message_changed,
         (messages.unpack_from_world, messages._unpack, messages._unpack_tick, messages._typed),
     ),
     "vehicle": Target(
         readers.read_vehicle,
         (VehicleMessageError,),
-        seeds.vehicle_messages,
+        seed_messages.vehicle_messages,
         mutate.bytes_changed,
         (
             vehicles.unpack_order,
@@ -149,22 +153,22 @@ TARGETS = {
     "on-air": Target(
         readers.read_air_message,
         (BeaconError, OperatorError, AccountError),
-        seeds.air_messages,
+        seed_messages.air_messages,
         mutate.bytes_changed,
         (beacon.unpack_beacon, operator.unpack_word, account.read_account),
     ),
     "fleet": Target(
         readers.in_file("fleet.yaml", readers.read_fleet_file),
         (FleetError,),
-        seeds.fleets,
+        seed_files.fleets,
         mutate.yaml_changed,
         (fleet_document, plan),
     ),
-    "pieces": Target(readers.read_pieces, (), seeds.pieces, mutate.bytes_changed, (pieces,)),
+    "pieces": Target(readers.read_pieces, (), seed_messages.pieces, mutate.bytes_changed, (pieces,)),
     "login": Target(
         readers.read_login,
         (ValueError,),
-        seeds.logins,
+        seed_files.logins,
         mutate.json_changed,
         (
             Login.from_json,
@@ -180,88 +184,88 @@ TARGETS = {
     "world-keys": Target(
         readers.read_world_keys,
         (ValueError,),
-        seeds.world_keys,
+        seed_files.world_keys,
         mutate.json_changed,
         (Credentials.from_json, certificates.checked_certificates, certificates.refuse_other_address),
     ),
     "mission": Target(
         readers.in_file("mission.yaml", readers.read_mission),
         (MissionError,),
-        seeds.missions,
+        seed_files.missions,
         mutate.yaml_changed,
         (reading, document, checks, fault, values, findings, read_mission_fields),
     ),
     "options": Target(
         readers.read_options,
         (MissionError,),
-        seeds.settings,
+        seed_files.settings,
         mutate.bytes_changed,
         (options.resolve, options._setting, options._put),
     ),
     "words": Target(
         readers.read_words,
         (SwarmError, ValueError),
-        seeds.words,
+        seed_files.words,
         mutate.bytes_changed,
         (keys.checked_swarm, endpoints, policy_name),
     ),
     "model-note": Target(
         readers.in_file("model.json", readers.read_model),
         (ModelFileError,),
-        seeds.model_notes,
+        seed_files.model_notes,
         mutate.json_changed,
         (model_file._read, model_file.parse_note, model_file.ModelNote.shapes),
     ),
     "journal": Target(
         readers.in_file("journal.jsonl", readers.read_journal),
         (FinishedFlightsError,),
-        seeds.journals,
+        seed_files.journals,
         mutate.lines_changed,
         (finished.FinishedFlights, finished._parse),
     ),
     "table": Target(
         readers.in_file("table-1.json", readers.read_result),
         (TableError,),
-        seeds.tables,
+        seed_files.tables,
         mutate.json_changed,
         (read_table, as_csv, result._flat, result._known),
     ),
     "report": Target(
         readers.in_file("report.json", readers.read_report),
         (RunDirError,),
-        seeds.reports,
+        seed_files.reports,
         mutate.json_changed,
         (RunDir.ended,),
     ),
     "recording": Target(
         readers.in_file("trajectory.npz", readers.read_recording),
         (TrajectoryError,),
-        seeds.recordings,
+        seed_files.recordings,
         mutate.zip_changed,
         (trajectory,),
     ),
     "curve": Target(
         readers.in_file("curve.jsonl", readers.read_curve),
         (PlotError,),
-        seeds.curves,
+        seed_files.curves,
         mutate.lines_changed,
         (curves.read_curve,),
     ),
     "training": Target(
         readers.in_file("training.yaml", readers.read_training),
         (TrainingError,),
-        seeds.trainings,
+        seed_files.trainings,
         mutate.yaml_changed,
         (make_config, TrainingConfig),
     ),
     "checkpoint": Target(
-        readers.read_checkpoint, (TrainingError,), seeds.checkpoints, mutate.zip_changed, ()
+        readers.read_checkpoint, (TrainingError,), seed_files.checkpoints, mutate.zip_changed, ()
     ),
-    "model": Target(readers.run_model, (RuntimeError,), seeds.models, mutate.bytes_changed, ()),
+    "model": Target(readers.run_model, (RuntimeError,), seed_files.models, mutate.bytes_changed, ()),
     "description": Target(
         readers.in_file("model.onnx", readers.describe_model),
         (ModelFileError,),
-        seeds.models,
+        seed_files.models,
         mutate.bytes_changed,
         (),
     ),

@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-import socket
 import threading
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import yaml
 from protocols.closing import Closing
 from rsc_swarm.air.plans import read_plan
 from tests.fakes.motion import Motion
-from tests.fakes.udp import Wires
+from tests.fakes.udp import Wires, free_ports
 from tests.scenarios.fleets import EXAMPLES, Fleet
 
 STARTS = [drone["start_m"] for drone in yaml.safe_load((EXAMPLES / "room.yaml").read_text())["drones"]]
@@ -54,16 +53,6 @@ class Ruler(Closing):
     def close(self) -> None:
         self._over.set()
         self._thread.join()
-
-
-def free_ports(count: int) -> list[int]:
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    for one in sockets:
-        one.bind(("127.0.0.1", 0))
-    ports = [one.getsockname()[1] for one in sockets]
-    for one in sockets:
-        one.close()
-    return ports
 
 
 def fly_the_mission(folder: Path, drones: list[dict[str, Any]], wires: Wires, motions: list[Motion]) -> None:

@@ -4,11 +4,8 @@ Most flights are flown in simulated time: what pymavlink writes is handed to the
 """
 
 import math
-import socket
 import time
-from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -18,97 +15,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from agent.air.mavlink import MavlinkVehicle, parse_address
 from agent.air.telemetry import Telemetry
-from agent.air.vehicle import (
-    Failsafe,
-    Mode,
-    Rig,
-    Setpoint,
-    State,
-    VehicleAddressError,
-    VehicleError,
-    make_vehicle,
-)
+from agent.air.vehicle import Failsafe, Mode, Rig, Setpoint, State, VehicleError, make_vehicle
+from tests.agent.air.led import HEIGHT, START, WHERE, Flight
 from tests.fakes.autopilot import FakeAutopilot, Make
-from tests.fakes.udp import Wires
+from tests.fakes.udp import Wires, free_ports
 
-HEIGHT = 2.0
-START = (3.0, -1.0, 0.0)
-WHERE = "udpin:127.0.0.1:14550"
 both = pytest.mark.parametrize("make", list(Make))
-
-
-class Wire:
-    """A connection of pymavlink, to a fake."""
-
-    def __init__(self, fake: FakeAutopilot) -> None:
-        self._fake, self._heard = fake, deque[Any]()
-        self.mav = mavlink.MAVLink(self, srcSystem=255, srcComponent=191)
-        self._reader = mavlink.MAVLink(None)
-        self._reader.robust_parsing = True
-
-    def write(self, data: bytes) -> None:
-        self.hear(self._fake.take(bytes(data)))
-
-    def hear(self, datagrams: list[bytes]) -> None:
-        for datagram in datagrams:
-            self._heard.extend(self._reader.parse_buffer(datagram) or [])
-
-    def recv_msg(self) -> Any:
-        return self._heard.popleft() if self._heard else None
-
-    def close(self) -> None:
-        pass
-
-
-class Flight:
-    """A vehicle and its fake, and a time that passes when it is told to."""
-
-    def __init__(self, fake: FakeAutopilot, where: str = WHERE, **options: str) -> None:
-        self.fake, self.now = fake, 50.0
-        self.wire = Wire(fake)
-        rig = Rig(0, START, 2.0, 3.0, options=options)
-        self.vehicle = MavlinkVehicle(where, rig, lambda _: self.wire, lambda: self.now, self.pass_by)
-
-    def pass_by(self, seconds: float) -> None:
-        self.now += seconds
-        self.wire.hear(self.fake.advance(seconds))
-
-    def wait(self, seconds: float) -> State:
-        """Look at it 100 times a second."""
-        for _ in range(round(100 * seconds)):
-            self.pass_by(0.01)
-            state = self.vehicle.state()
-        return state
-
-    def until(self, so: Callable[[State], bool], longest_s: float = 20.0) -> State:
-        for _ in range(round(100 * longest_s)):
-            if so(state := self.wait(0.01)):
-                return state
-        raise AssertionError(state)
-
-    def arm(self) -> None:
-        self.vehicle.open(3.0)
-        assert self.wait(1.0).health == ()
-        self.vehicle.arm()
-        self.until(lambda state: state.armed)
-
-    def climb(self) -> None:
-        self.arm()
-        self.vehicle.take_off(HEIGHT)
-        self.until(lambda state: state.mode is Mode.HOLD)
-
-    def go(self, way: tuple[float, float], seconds: float) -> float:
-        """Along a straight line; how far off it was at worst."""
-        (x, y, _), worst, steps = self.fake.motion.p, 0.0, round(100 * seconds)
-        for step in range(steps):
-            p = x + way[0] * step / steps, y + way[1] * step / steps, HEIGHT
-            v = way[0] / seconds, way[1] / seconds, 0.0
-            self.vehicle.fly(Setpoint(p, v, (0.0, 0.0, 0.0), yaw=0.5))
-            self.wait(0.01)
-            worst = max(worst, math.dist(p, self.fake.motion.p))
-        return worst
 
 
 @both
@@ -334,16 +247,9 @@ def test_whatever_it_says_can_be_borne(numbers: list[float], percent: int) -> No
     assert all(map(math.isfinite, (*heard.p, *heard.v, heard.yaw, heard.tilt)))
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-        return port
-
-
 @both
 def test_it_flies_over_udp_in_real_time(make: Make) -> None:
-    fake, port = FakeAutopilot(make, START), free_port()
+    fake, port = FakeAutopilot(make, START), free_ports(1)[0]
     patient = Rig(
         0, START, 2.0, 3.0, failsafe=Failsafe(3.0, 30.0)
     )  # this process may have to wait for its turn
@@ -366,41 +272,3 @@ def test_it_flies_over_udp_in_real_time(make: Make) -> None:
         until(lambda state: state.mode is Mode.GROUND)
         vehicle.close()
     assert not fake.fell
-
-
-def test_one_that_is_not_there_is_given_up_in_time() -> None:
-    vehicle = make_vehicle(f"mavlink:udpin:127.0.0.1:{free_port()}", Rig(0, START, 2.0, 3.0))
-    with pytest.raises(VehicleError, match=r"no PX4 or ArduPilot is heard .* within 0\.2 s"):
-        vehicle.open(0.2)
-    vehicle = make_vehicle("mavlink:serial:/dev/nothing-there:57600", Rig(0, START, 2.0, 3.0))
-    with pytest.raises(VehicleError, match=r"mavlink:serial:/dev/nothing-there:57600 cannot be opened"):
-        vehicle.open(0.2)
-
-
-@pytest.mark.parametrize(
-    ("where", "options", "why"),
-    [
-        ("", {}, "'' is no connection: one reads udpin:127.0.0.1:14550"),
-        ("udpin:127.0.0.1", {}, "'udpin:127.0.0.1' is no connection"),
-        ("udpin:127.0.0.1:²", {}, "is no connection"),
-        ("serial:/dev/ttyAMA0", {}, "is no connection"),
-        (f"{WHERE}?", {}, r"behind the \? stand only"),
-        (f"{WHERE}?autopilot=", {}, "autopilot= is none of px4, ardupilot"),
-        (f"{WHERE}?autopilot=betaflight", {}, "autopilot=betaflight is none of px4, ardupilot"),
-        (f"{WHERE}?pilot=px4", {}, r"behind the \? stand only"),
-        (f"{WHERE}?system=0", {}, "system=0 is no number from 1 to 254"),
-        (f"{WHERE}?system=300", {}, "system=300 is no number from 1 to 254"),
-        (WHERE, {"orign": "1,2,3"}, "no option 'orign': its only option is origin"),
-        (WHERE, {"origin": "47.3,8.5"}, "origin: '47.3,8.5' is not LATITUDE,LONGITUDE,ALTITUDE"),
-        (WHERE, {"origin": "97.3,8.5,0"}, "is not LATITUDE,LONGITUDE,ALTITUDE"),
-        (WHERE, {"origin": "nan,8.5,0"}, "is not LATITUDE,LONGITUDE,ALTITUDE"),
-    ],
-)
-def test_an_address_that_is_none_is_refused(where: str, options: dict[str, str], why: str) -> None:
-    with pytest.raises(VehicleAddressError, match=why) as error:
-        make_vehicle(f"mavlink:{where}", Rig(0, START, 2.0, 3.0, options=options))
-    assert "\n" not in str(error.value)
-
-
-def test_an_address_is_read() -> None:
-    assert parse_address("serial:/dev/ttyAMA0:921600?system=7")[::2] == ("serial:/dev/ttyAMA0:921600", 7)
