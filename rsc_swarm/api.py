@@ -20,6 +20,7 @@ from protocols.mission.document import Mission, MissionError, parse_mission, rea
 from protocols.mission.policy_name import from_folder
 from protocols.mission.reading import write_value
 from rsc_swarm.errors import NAMED, error_of
+from rsc_swarm.flight.events import Event, end_told, events_of
 from rsc_swarm.flight.in_process import fly_together
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.report import FlightReport, report_of
@@ -35,6 +36,7 @@ from world.outlets.trajectory import Trajectory
 
 __all__ = [
     "Evaluation",
+    "Event",
     "Flight",
     "FlightReport",
     "Mission",
@@ -62,6 +64,11 @@ class Flight:
     mission: Mission
     report: FlightReport
     trajectory: Trajectory
+
+    @property
+    def events(self) -> list[Event]:
+        """What happened, in order (docs/recordings.md); computed anew each time."""
+        return events_of(self.trajectory, self.mission, end_told(self.report))
 
 
 def mission(source: str | Path | None = None, /, **fields: Any) -> Mission:

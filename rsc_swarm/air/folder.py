@@ -10,6 +10,7 @@ from agent.air.log import FlightLog
 from protocols.fleet.plan import Plan
 from protocols.whole_file import write_whole
 from rsc_swarm.air.judged import Judged, judged, path_of
+from rsc_swarm.flight.events import End, events_of, json_lines
 from rsc_swarm.flight.run_dir import RunDir
 
 
@@ -34,6 +35,9 @@ def keep(folder: RunDir, plan: Plan, log: FlightLog, events: Sequence[dict[str, 
     outcome = judged(plan, path)
     folder.begin(plan.mission)
     path.save(folder.trajectory)
+    end = End(outcome.failure, f"over: {outcome.failure or 'in formation beyond the goal line'}")
+    happened = events_of(path.until(plan.ticks + 1), plan.mission, end)
+    write_whole(folder.events, json_lines(happened))
     report = {**asdict(outcome), "where": "air", "scale": plan.fleet.scale, **told, "events": list(events)}
     write_whole(folder.report, json.dumps(report, indent=2) + "\n")
     lines = [f"{event['utc_s']:.2f} {event['drone']} {event['phase']}: {event['why']}" for event in events]

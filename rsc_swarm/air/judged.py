@@ -7,9 +7,8 @@ import numpy as np
 from agent.air.log import FlightLog
 from protocols.dynamics import TICK_S
 from protocols.fleet.plan import Plan
+from world.outlets.judged import findings_of
 from world.outlets.trajectory import Trajectory
-from world.plant import Bodies, Ground
-from world.referee import Standard, empty_findings, judge
 
 
 @dataclass(frozen=True)
@@ -37,22 +36,7 @@ def judged(plan: Plan, path: Trajectory) -> Judged:
     rows = min(len(path.positions), plan.ticks + 1)
     if rows == 0:
         return Judged(None, "interrupted", float("inf"), None)
-    agents, formation, mission = plan.mission.agents, plan.mission.layout, plan.mission
-    shape, moments = (rows, agents), np.arange(rows)
-    still = np.zeros((*shape, 2))
-    bodies = Bodies(path.flying[:rows].copy(), path.positions[:rows].copy(), still, still, np.ones(shape))
-    ground = Ground(
-        np.full(rows, path.goal_x),
-        np.full(rows, len(path.obstacles), np.int64),
-        np.tile(path.obstacles, (rows, 1, 1)) if len(path.obstacles) else np.zeros((rows, 1, 3)),
-    )
-    standard = Standard(
-        formation.offsets, formation.parent, formation.is_leaf, formation.spacing, mission.edge_tolerance,
-        mission.limits.collision_m,
-    )  # fmt: skip
-    findings = empty_findings(rows, agents)
-    target = np.asarray(moments * TICK_S * mission.target.speed_mps, np.float64)
-    judge(np.ones(rows, np.bool_), bodies, path.slots[:rows].copy(), ground, target, standard, findings)
+    findings = findings_of(path.until(rows), plan.mission)
     verdict, scale = findings.verdict, plan.fleet.scale
     formed, collided = np.flatnonzero(verdict["formed"]), bool(verdict["collided"].any())
     tau_s = float(formed[0]) * TICK_S if len(formed) else None

@@ -1,6 +1,5 @@
 """``rsc-swarm simulate``: the whole swarm in this one process."""
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
@@ -31,6 +30,7 @@ def simulate(flight: FlightOptions, options: MissionOptions) -> None:
 
 def _fly(flight: "Flight") -> "Told":
     from rsc_swarm.cli.fly import Told
+    from rsc_swarm.flight.events import end_of
     from rsc_swarm.flight.in_process import fly
     from world.outlets.recorder import Recorder
 
@@ -38,5 +38,9 @@ def _fly(flight: "Flight") -> "Told":
     recorder = Recorder(mission) if folder else None
     wrong: list[PolicyError] = []
     flown = fly(mission, flight.clock is Clock.realtime, flight.view.update, recorder, wrong.append)
-    save = partial(recorder.save, folder.trajectory) if folder and recorder else lambda: None
+
+    def save() -> None:
+        if folder and recorder:
+            folder.save_path(recorder.trajectory, recorder.mission, end_of(flown, mission))
+
     return Told(flown, save=save, error=wrong[0] if wrong else None)

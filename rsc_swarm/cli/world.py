@@ -81,10 +81,9 @@ def _fly(
     flight.view.say(
         f"waiting for {mission.agents} agents at {', '.join(listen)}; their files are in {keys or logins}"
     )
-    trajectory = place.trajectory if place else None
     with door_watched(flight.view.say) if keys else nullcontext():
         flown, unsaved = serve_world(
-            mission, flight.clock.value, listen, credentials, flight.view.update, trajectory, join_s,
+            mission, flight.clock.value, listen, credentials, flight.view.update, place.path if place else None, join_s,
             lambda ready: flight.view.waiting(ready, mission.agents),
         )  # fmt: skip
     return Told(flown, save=partial(told_unsaved, unsaved))

@@ -16,6 +16,7 @@ from agent.radio.link import AgentLink
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
+from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.world_process import save_path
@@ -37,21 +38,21 @@ def serve_world(
     listen: Sequence[str],
     credentials: Credentials,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
-    trajectory: Path | None = None,
+    run_dir: Path | None = None,
     join_s: float = 120.0,
     on_gathered: Callable[[int], None] = lambda ready: None,
 ) -> tuple[Flown, str | None]:
     """Be the world alone: wait for all drones, fly.
 
     Returns:
-        The flight, and why ``trajectory`` could not be written.
+        The flight, and why its path could not be written into ``run_dir``.
 
     Raises:
         RunBroken: it cannot listen there, or drones did not come. KeyboardInterrupt: asked to leave before all had come.
     """
     make_room(mission.agents)
     warm_up(mission)
-    recorder = Recorder(mission) if trajectory else None
+    recorder = Recorder(mission) if run_dir else None
     service = Service()
     with leave_when_asked() as leave:
         try:
@@ -64,7 +65,7 @@ def serve_world(
             if leave.asked:
                 raise KeyboardInterrupt from None
             raise RunBroken(str(error)) from None
-        return flown, save_path(recorder, trajectory)
+        return flown, save_path(recorder, run_dir, end_of(flown, mission))
 
 
 def fly_agent(

@@ -54,7 +54,7 @@ class RunBroken(BrokenError, RuntimeError):
 class Launched:
     """A flight with the figures only the launcher knows.
 
-    pss_mb: mean proportional memory of a drone's process. unsaved: why ``trajectory.npz`` could not be written.
+    pss_mb: mean proportional memory of a drone's process. unsaved: why every drone's path could not be written.
     error: what broke the run in mid-flight.
     """
 
@@ -286,7 +286,7 @@ def launch(
     """Fly ``mission`` in one process per drone.
 
     Args:
-        run_dir: an existing folder for ``logs/`` and ``trajectory.npz``.
+        run_dir: an existing folder for ``logs/``, ``trajectory.npz`` and ``events.jsonl``.
         weigh: measure the drones' memory once in mid-flight.
         insiders: what the processes of some drones do instead of flying honestly.
         on_gathered: called with the number of drones that are ready, until all are.
@@ -305,7 +305,7 @@ def launch(
     logs = run_dir / "logs" if run_dir else None
     if logs:
         logs.mkdir(exist_ok=True)
-    keeping = (run_dir / "trajectory.npz" if run_dir else None, keep)
+    keeping = (run_dir, keep)
     with leave_when_asked() as leave, RunFolder() as folder, Supervisor() as supervisor:
         run = _Launch(mission, clock, logs, keeping, supervisor, folder, insiders)
         flown, unsaved, error = run.watch(on_gathered, on_snapshot, weigh, leave)

@@ -5,6 +5,7 @@
     report.json      the report (docs/report.md), with versions and the hashes of what lies in policy/
     report.txt       the same for people
     trajectory.npz   every drone's path (world.outlets.recorder)
+    events.jsonl     what happened, one line each (rsc_swarm.flight.events)
     logs/            one file per process, of a launch
 
 A directory that already holds a flight is used again only if that is asked for; one that holds anything else is refused.
@@ -25,7 +26,9 @@ from protocols.errors import SwarmError
 from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.policy_name import file_of, named_by
 from protocols.whole_file import write_whole
+from rsc_swarm.flight.events import End, events_of, json_lines
 from rsc_swarm.flight.report import FlightReport
+from world.outlets.trajectory import Trajectory
 
 _MARK = "# A flight of rsc-swarm: this is its mission, with every field.\n"
 
@@ -55,6 +58,7 @@ class RunDir:
         self.report = path / "report.json"
         self.text = path / "report.txt"
         self.trajectory = path / "trajectory.npz"
+        self.events = path / "events.jsonl"
         self.logs = path / "logs"
         self._locked: weakref.finalize[Any, Any] | None = None
 
@@ -83,7 +87,7 @@ class RunDir:
                 )
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock()
-            for old in (self.report, self.text, self.trajectory):
+            for old in (self.report, self.text, self.trajectory, self.events):
                 old.unlink(missing_ok=True)
             for folder in (self.logs, self.policy):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -116,6 +120,17 @@ class RunDir:
                 f"--run-dir {self.path}: another run writes there; give a new directory, or wait for its end"
             ) from None
         self._locked = weakref.finalize(self, os.close, folder)
+
+    def save_path(self, path: Trajectory, mission: Mission, end: End) -> None:
+        """Write every drone's path, and what happened on it.
+
+        Raises:
+            protocols.whole_file.WriteError: one of them cannot be written; the other is, if it can.
+        """
+        try:
+            path.save(self.trajectory)
+        finally:
+            write_whole(self.events, json_lines(events_of(path, mission, end)))
 
     def finish(self, report: FlightReport, text: str) -> None:
         """Write the report, for programs and for people.

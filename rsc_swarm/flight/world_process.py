@@ -19,7 +19,9 @@ import psutil
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
+from rsc_swarm.flight.events import End, end_of
 from rsc_swarm.flight.processes import launcher_died, leave_on_sigterm
+from rsc_swarm.flight.run_dir import RunDir
 from world.outcome import Flown
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
@@ -97,16 +99,17 @@ def be_world(
     credentials: Credentials,
     endpoint: str,
     pipe: Connection,
-    trajectory: Path | None,
+    run_dir: Path | None,
     keep: Callable[[Flown], object],
 ) -> None:
     """Fly the mission, send what came of it down the pipe, then save every drone's path, however the flight ended.
 
     Args:
+        run_dir: where; None: nowhere.
         keep: what the launcher would do with what was flown, for when it is not there any more.
     """
     leave = leave_on_sigterm()
-    recorder = Recorder(mission) if trajectory else None
+    recorder = Recorder(mission) if run_dir else None
     control = PipeControl(pipe, lambda: leave.asked)
     try:
         with WorldLink(credentials, [endpoint]) as link:
@@ -114,21 +117,21 @@ def be_world(
             control.so_far = server.flown
             flown = server.run()
         control.tell("flown", flown)
-        unsaved = save_path(recorder, trajectory)
+        unsaved = save_path(recorder, run_dir, end_of(flown, mission))
         control.tell("saved", unsaved)
         if launcher_died():
             keep(flown)
     except SwarmError as error:
-        save_path(recorder, trajectory)
+        save_path(recorder, run_dir, End("broken", str(error)))
         control.tell("broken", str(error))
 
 
-def save_path(recorder: Recorder | None, trajectory: Path | None) -> str | None:
-    """Save what was recorded, if anything was; why that cannot be done."""
-    if recorder is None or trajectory is None or not recorder.rows:
+def save_path(recorder: Recorder | None, run_dir: Path | None, end: End) -> str | None:
+    """Save what was recorded, if anything was, and the events; why that cannot be done."""
+    if recorder is None or run_dir is None or not recorder.rows:
         return None
     try:
-        recorder.save(trajectory)
+        RunDir(run_dir).save_path(recorder.trajectory, recorder.mission, end)
     except WriteError as error:
         return str(error)
     return None

@@ -12,6 +12,7 @@ import pytest
 from agent.policy import files_of, find_policy
 from agent.policy.model_file import SHIPPED, note_of
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.provenance import provenance
 from rsc_swarm.flight.report import report_of
@@ -35,7 +36,7 @@ def test_everything_about_the_flight_is_in_it(tmp_path):
     folder.begin(SMALL)
     recorder = Recorder(SMALL)
     flown = fly(SMALL, recorder=recorder)
-    recorder.save(folder.trajectory)
+    folder.save_path(recorder.trajectory, recorder.mission, end_of(flown, SMALL))
     report = report_of(flown, SMALL, "simulate", "lockstep", "")
     folder.finish(report, plain(render(report)))
     assert parse_mission(read_mission_fields(folder.mission)) == SMALL
@@ -46,7 +47,7 @@ def test_everything_about_the_flight_is_in_it(tmp_path):
         assert saved["slots"].shape == saved["flying"].shape == (101, 4)
         np.testing.assert_allclose(np.diff(saved["positions"], axis=0)[0], 0.005 * saved["velocities"][1])
     assert sorted(path.name for path in folder.path.iterdir()) == [
-        "logs", "mission.yaml", "report.json", "report.txt", "trajectory.npz"
+        "events.jsonl", "logs", "mission.yaml", "report.json", "report.txt", "trajectory.npz"
     ]  # fmt: skip
 
 

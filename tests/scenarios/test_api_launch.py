@@ -3,6 +3,7 @@
 import pytest
 
 import rsc_swarm as rs
+from rsc_swarm.flight.events import json_lines
 from rsc_swarm.flight.run_dir import RunDirError
 from world.field import FieldError
 
@@ -15,6 +16,7 @@ def test_a_launch_from_a_program_is_the_flight_of_its_simulation(tmp_path):
     assert launched.report.digest == simulated.report.digest
     assert (launched.trajectory.positions == simulated.trajectory.positions).all()
     assert (tmp_path / "run" / "logs" / "agent-1.log").is_file()
+    assert (tmp_path / "run" / "events.jsonl").read_text() == json_lines(simulated.events)
 
 
 HOMING = """

@@ -36,6 +36,11 @@ def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Field
         launcher.clean_up()
 
 
+def last_event(flight: Launcher) -> Fields:
+    lines = (flight.here / "run" / "events.jsonl").read_text().splitlines()
+    return json.loads(lines[-1])
+
+
 def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fields], Launcher]) -> None:
     """... and the others fly on to the end."""
     flight = launch(LONG)
@@ -50,6 +55,7 @@ def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fi
     )
     assert flight.is_gone_within(NOTHING_LEFT_S)
     assert (flight.here / "run" / "trajectory.npz").is_file()
+    assert last_event(flight)["why"] == "broken"
 
 
 def test_a_drone_that_somebody_asks_to_leave_breaks_the_run_too(launch: Callable[[Fields], Launcher]) -> None:
@@ -100,6 +106,7 @@ def test_ctrl_c_ends_all_and_leaves_nothing(launch: Callable[[Fields], Launcher]
     assert (code, json.loads(said[-1])["failure"]) == (130, "interrupted")
     assert flight.is_gone_within(NOTHING_LEFT_S), flight.remains()
     assert (flight.here / "run" / "trajectory.npz").is_file()
+    assert last_event(flight)["why"] == "interrupted"
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 0.05, 0.3])

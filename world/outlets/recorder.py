@@ -17,12 +17,14 @@ _FIRST_ROWS = 2200  # a flight of the standard task; longer ones double it
 
 
 class Recorder:
-    """Keeps positions and velocities (T, N, 2) [m, m/s], claimed slots (T, N) and who flies (T, N); ``rows`` is T so far."""
+    """Keeps positions and velocities (T, N, 2) [m, m/s], claimed slots (T, N) and who flies (T, N); ``rows`` is T so far.
+    ``mission`` is what is flown.
+    """
 
     def __init__(self, mission: Mission, world: int = 0) -> None:
         """For one world of a core that flies ``mission``; `record` before the first tick and after each."""
         agents = mission.agents
-        self._world = world
+        self._world, self.mission = world, mission
         self.rows = 0
         self._position = np.empty((_FIRST_ROWS, agents, 2))
         self._velocity = np.empty((_FIRST_ROWS, agents, 2))
@@ -40,6 +42,7 @@ class Recorder:
             self._position, self._velocity = _double(self._position), _double(self._velocity)
             self._slot, self._flying = _double(self._slot), _double(self._flying)
         row, world = self.rows, self._world
+        self.mission = core.missions[world]
         self._position[row], self._velocity[row] = core.position[world], core.velocity[world]
         self._slot[row], self._flying[row] = core.claim[world], core.flying[world]
         self.rows += 1

@@ -6,7 +6,7 @@ end. Metres and seconds; the frame is the mission's: x forward, y left, the virt
 
 import math
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -47,6 +47,14 @@ class Trajectory:
     def times(self) -> NDArray[np.float64]:
         """(T,) seconds since the start, of every row."""
         return np.arange(len(self.positions), dtype=np.float64) * self.tick_s
+
+    def until(self, rows: int) -> Self:
+        """Its first ``rows`` rows."""
+        kept = slice(rows)
+        return replace(
+            self, positions=self.positions[kept], velocities=self.velocities[kept], slots=self.slots[kept],
+            flying=self.flying[kept],
+        )  # fmt: skip
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
