@@ -45,6 +45,9 @@ class Clock(StrEnum):
     realtime = "realtime"
 
 
+_WATCHING = "Watching in a browser"
+
+
 @dataclass(frozen=True)
 class FlightOptions:
     """Options of every command that flies once: how fast, and where the flight is kept."""
@@ -60,6 +63,31 @@ class FlightOptions:
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Use a --run-dir again that holds an earlier flight.")
     ] = False
+    view: Annotated[
+        bool,
+        typer.Option(
+            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=_WATCHING
+        ),
+    ] = False
+    open: Annotated[
+        bool, typer.Option("--open", help="As --view, and open it in a browser.", rich_help_panel=_WATCHING)
+    ] = False
+    view_port: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="Its port; 0: any. (8750, or any if that is taken)",
+            rich_help_panel=_WATCHING,
+        ),
+    ] = None
+    view_host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="Its address; 0.0.0.0: for everybody.", rich_help_panel=_WATCHING
+        ),
+    ] = "127.0.0.1"
 
 
 def examples(*lines: str) -> str:

@@ -2,9 +2,9 @@
 
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from agent.policy import files_of, find_policy
 from protocols.errors import ExitCode, SwarmError
@@ -22,16 +22,24 @@ from rsc_swarm.options import MissionOptions, command_line, resolve
 from rsc_swarm.show.render import plain, render, show
 from rsc_swarm.show.view import View, line
 from world.outcome import Flown
+from world.outlets.onlooker import Nobody, Onlooker
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rsc_swarm.watch.window import Window
 
 
 class Flight(NamedTuple):
-    """What is to be flown, and who is told meanwhile. keep: keeps what was flown, for who outlives the command."""
+    """What is to be flown, and who is told meanwhile. keep: keeps what was flown, for who outlives the command. onlooker: the
+    live page, or nobody."""
 
     mission: Mission
     clock: Clock
     view: View
     folder: RunDir | None
     keep: Callable[[Flown], object]
+    onlooker: Onlooker
 
 
 class Told(NamedTuple):
@@ -97,23 +105,52 @@ def fly_once(
         return [error for save in saves if (error := _try(save))]
 
     with ExitStack() as asking:
+        window = asking.enter_context(_served(mode, asked, view))
         try:
             with view, redirect_stdout(output.beside):
                 warm_up(mission)  # who leaves before this is done has nothing to lose
                 # From now on what was flown is told and kept, however often somebody presses Ctrl-C.
                 asking.enter_context(leave_when_asked())
-                told = fly(Flight(mission, asked.clock, view, folder, lambda flown: keep(Told(flown))))
+                told = fly(
+                    Flight(
+                        mission,
+                        asked.clock,
+                        view,
+                        folder,
+                        lambda flown: keep(Told(flown)),
+                        window or Nobody(),
+                    )
+                )
         except KeyboardInterrupt:
             reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
             print(reached, file=sys.stderr)
             return ExitCode.INTERRUPTED
         flown = report(told)
+        if window:
+            window.say(
+                {"kind": "report", "report": flown.model_dump(mode="json"), "text": plain(render(flown))}
+            )
         errors = [told.error] if told.error else []
         errors += keep(told, partial(show, render(flown), output.beside))
     if errors:
         print(line_of(errors[0], "; ".join(map(str, errors))), file=sys.stderr)
         return errors[0].exit_code
     return _ends(flown)
+
+
+@contextmanager
+def _served(mode: str, asked: FlightOptions, view: View) -> "Iterator[Window | None]":
+    """The window of a live page, if one is wanted."""
+    if not (asked.view or asked.open):
+        yield None
+        return
+    from rsc_swarm.watch.site import Asked, served
+
+    # A simulation is over in less time than a browser needs to open: it flies as fast as one can watch.
+    speed = 1.0 if mode == "simulate" and asked.clock is Clock.lockstep else None
+    with served(Asked(asked.view_host, asked.view_port, asked.open), speed) as site:
+        view.say(f"watch it at {site.address}")
+        yield site.window
 
 
 def _try(save: Callable[[], None]) -> WriteError | None:

@@ -29,12 +29,13 @@ def launch(flight: FlightOptions, options: MissionOptions) -> None:
 def _fly(flight: "Flight") -> "Told":
     from rsc_swarm.cli.fly import Told, told_unsaved
     from rsc_swarm.flight.launch import launch
+    from rsc_swarm.flight.world_process import Inside
 
     place, view, drones = flight.folder.path if flight.folder else None, flight.view, flight.mission.agents
     view.doing(f"starting {drones + 1} processes")
     launched = launch(
-        flight.mission, flight.clock.value, place, view.update, weigh=True, keep=flight.keep,
-        on_gathered=lambda ready: view.waiting(ready, drones),
+        flight.mission, flight.clock.value, place, view.update, weigh=True,
+        inside=Inside(flight.keep, flight.onlooker), on_gathered=lambda ready: view.waiting(ready, drones),
     )  # fmt: skip
     unsaved = partial(told_unsaved, launched.unsaved)
     return Told(launched.flown, launched.first_tick_s, launched.pss_mb, unsaved, launched.error)

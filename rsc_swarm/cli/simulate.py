@@ -37,7 +37,8 @@ def _fly(flight: "Flight") -> "Told":
     mission, folder = flight.mission, flight.folder
     recorder = Recorder(mission) if folder else None
     wrong: list[PolicyError] = []
-    flown = fly(mission, flight.clock is Clock.realtime, flight.view.update, recorder, wrong.append)
+    realtime = flight.clock is Clock.realtime
+    flown = fly(mission, realtime, flight.view.update, recorder, wrong.append, flight.onlooker)
 
     def save() -> None:
         if folder and recorder:

@@ -68,7 +68,7 @@ def _fly(
     listen: list[str], keys: Path | None, logins: Path | None, join_s: float, flight: "Flight"
 ) -> "Told":
     from rsc_swarm.cli.fly import Told, told_unsaved
-    from rsc_swarm.flight.alone import serve_world
+    from rsc_swarm.flight.alone import Watching, serve_world
     from rsc_swarm.flight.door import door_watched
     from rsc_swarm.flight.key_files import make_login_files, read_credentials
 
@@ -81,9 +81,11 @@ def _fly(
     flight.view.say(
         f"waiting for {mission.agents} agents at {', '.join(listen)}; their files are in {keys or logins}"
     )
+    watching = Watching(
+        flight.view.update, lambda ready: flight.view.waiting(ready, mission.agents), flight.onlooker
+    )
     with door_watched(flight.view.say) if keys else nullcontext():
         flown, unsaved = serve_world(
-            mission, flight.clock.value, listen, credentials, flight.view.update, place.path if place else None, join_s,
-            lambda ready: flight.view.waiting(ready, mission.agents),
-        )  # fmt: skip
+            mission, flight.clock.value, listen, credentials, watching, place.path if place else None, join_s
+        )
     return Told(flown, save=partial(told_unsaved, unsaved))

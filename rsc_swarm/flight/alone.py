@@ -6,6 +6,7 @@ Both tell a service manager that they are ready, and ping its watchdog from the 
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import psutil
 
@@ -24,6 +25,7 @@ from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.service import Service
 from world.outcome import Flown
+from world.outlets.onlooker import Onlooker
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
@@ -32,15 +34,25 @@ from world.server.ports import NoControl
 from world.server.session import Clock, ServerError, WorldServer
 
 
+class Watching(NamedTuple):
+    """Who is told of a flight while it lasts: of pictures for a terminal, of how many drones are ready; who looks on."""
+
+    on_snapshot: Callable[[Snapshot], None] = lambda picture: None
+    on_gathered: Callable[[int], None] = lambda ready: None
+    onlooker: Onlooker | None = None
+
+
+UNWATCHED = Watching()
+
+
 def serve_world(
     mission: Mission,
     clock: Clock,
     listen: Sequence[str],
     credentials: Credentials,
-    on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
+    watching: Watching = UNWATCHED,
     run_dir: Path | None = None,
     join_s: float = 120.0,
-    on_gathered: Callable[[int], None] = lambda ready: None,
 ) -> tuple[Flown, str | None]:
     """Be the world alone: wait for all drones, fly.
 
@@ -58,9 +70,11 @@ def serve_world(
         try:
             with WorldLink(credentials, listen, clock == "realtime") as link:
                 service.ready(f"waiting for {mission.agents} drones")
-                control = NoControl(lambda: service.alive(leave.asked), on_gathered, on_snapshot)
+                control = NoControl(
+                    lambda: service.alive(leave.asked), watching.on_gathered, watching.on_snapshot
+                )
                 record = recorder.record if recorder else None
-                flown = WorldServer(mission, link, clock, control, record, join_s).run()
+                flown = WorldServer(mission, link, clock, control, record, join_s, watching.onlooker).run()
         except (ServerError, LinkError) as error:
             if leave.asked:
                 raise KeyboardInterrupt from None

@@ -19,6 +19,7 @@ from protocols.mission.document import Mission
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from world.outcome import Flown
+from world.outlets.onlooker import Nobody, Onlooker
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot, snapshot
 
@@ -34,6 +35,7 @@ def fly(
     on_snapshot: Callable[[Snapshot], None] | None = None,
     recorder: Recorder | None = None,
     went_wrong: Callable[[PolicyError], None] | None = None,
+    onlooker: Onlooker | None = None,
 ) -> Flown:
     """Fly ``mission`` to its end.
 
@@ -44,6 +46,7 @@ def fly(
         on_snapshot: called about 8 times a second, and once at the end.
         recorder: keeps every drone's path.
         went_wrong: told of a policy that went wrong in flight, which then ends as interrupted; left out: that is raised.
+        onlooker: looks on, and may lay hands on the flight.
 
     Raises:
         world.field.FieldError, agent.policy.PolicyError: as Simulation.
@@ -56,7 +59,11 @@ def fly(
         shown = -np.inf
         if recorder:
             recorder.record(core)
+        looks_on = onlooker or Nobody()
         while core.active[0]:
+            while (wait_s := looks_on.attend(director)) > 0 and not leave.asked:
+                time.sleep(wait_s)
+                begin += wait_s
             if leave.asked:
                 director.leave()
             else:
@@ -76,6 +83,7 @@ def fly(
             if on_snapshot and (due or not core.active[0]):
                 shown = now
                 on_snapshot(snapshot(core, dict(simulation.farewell()), director.clock * TICK_S / now))
+        looks_on.attend(director)
         flown = director.flown(time.perf_counter() - begin, first_tick_at)
     if wrong:
         if went_wrong is None:

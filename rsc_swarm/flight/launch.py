@@ -28,7 +28,7 @@ from rsc_swarm.flight.busy import answer, busy_at, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.socket_folder import RunFolder
-from rsc_swarm.flight.world_process import JOIN_S, be_world
+from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from world.outcome import Flown
@@ -113,7 +113,7 @@ class _Launch:
         mission: Mission,
         clock: Clock,
         logs: Path | None,
-        keeping: tuple[Path | None, Callable[[Flown], object]],
+        keeping: tuple[Path | None, Inside],
         supervisor: Supervisor,
         folder: RunFolder,
         insiders: Mapping[int, AgentProcess],
@@ -279,7 +279,7 @@ def launch(
     run_dir: Path | None = None,
     on_snapshot: Callable[[Snapshot], None] = lambda picture: None,
     weigh: bool = False,
-    keep: Callable[[Flown], object] = lambda flown: None,
+    inside: Inside = NOTHING_INSIDE,
     insiders: Mapping[int, AgentProcess] = {},
     on_gathered: Callable[[int], None] = lambda ready: None,
 ) -> Launched:
@@ -290,7 +290,7 @@ def launch(
         weigh: measure the drones' memory once in mid-flight.
         insiders: what the processes of some drones do instead of flying honestly.
         on_gathered: called with the number of drones that are ready, until all are.
-        keep: called in the world's process, should this one be killed: its last chance to keep what was flown.
+        inside: what is called in the world's process.
 
     Raises:
         RunBroken: the run itself broke before the first tick; later that is the launch's ``error``.
@@ -305,7 +305,7 @@ def launch(
     logs = run_dir / "logs" if run_dir else None
     if logs:
         logs.mkdir(exist_ok=True)
-    keeping = (run_dir, keep)
+    keeping = (run_dir, inside)
     with leave_when_asked() as leave, RunFolder() as folder, Supervisor() as supervisor:
         run = _Launch(mission, clock, logs, keeping, supervisor, folder, insiders)
         flown, unsaved, error = run.watch(on_gathered, on_snapshot, weigh, leave)

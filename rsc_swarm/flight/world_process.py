@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import NamedTuple
 
 import psutil
 
@@ -23,6 +24,7 @@ from rsc_swarm.flight.events import End, end_of
 from rsc_swarm.flight.processes import launcher_died, leave_on_sigterm
 from rsc_swarm.flight.run_dir import RunDir
 from world.outcome import Flown
+from world.outlets.onlooker import Onlooker
 from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
@@ -93,6 +95,17 @@ class PipeControl:
         self.tell("show", picture)
 
 
+class Inside(NamedTuple):
+    """What is called in the world's process. keep: should the launcher be killed, the last chance to keep what was flown, as it
+    would have done. onlooker: looks on while the flight lasts."""
+
+    keep: Callable[[Flown], object] = lambda flown: None
+    onlooker: Onlooker | None = None
+
+
+NOTHING_INSIDE = Inside()
+
+
 def be_world(
     mission: Mission,
     clock: Clock,
@@ -100,27 +113,27 @@ def be_world(
     endpoint: str,
     pipe: Connection,
     run_dir: Path | None,
-    keep: Callable[[Flown], object],
+    inside: Inside,
 ) -> None:
     """Fly the mission, send what came of it down the pipe, then save every drone's path, however the flight ended.
 
     Args:
         run_dir: where; None: nowhere.
-        keep: what the launcher would do with what was flown, for when it is not there any more.
     """
     leave = leave_on_sigterm()
     recorder = Recorder(mission) if run_dir else None
     control = PipeControl(pipe, lambda: leave.asked)
     try:
         with WorldLink(credentials, [endpoint]) as link:
-            server = WorldServer(mission, link, clock, control, recorder.record if recorder else None, JOIN_S)
+            record = recorder.record if recorder else None
+            server = WorldServer(mission, link, clock, control, record, JOIN_S, inside.onlooker)
             control.so_far = server.flown
             flown = server.run()
         control.tell("flown", flown)
         unsaved = save_path(recorder, run_dir, end_of(flown, mission))
         control.tell("saved", unsaved)
         if launcher_died():
-            keep(flown)
+            inside.keep(flown)
     except SwarmError as error:
         save_path(recorder, run_dir, End("broken", str(error)))
         control.tell("broken", str(error))

@@ -13,7 +13,7 @@ from typing import Any
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import parse_mission
 from protocols.wire.login import Login
-from rsc_swarm.flight.alone import fly_agent, serve_world
+from rsc_swarm.flight.alone import Watching, fly_agent, serve_world
 from rsc_swarm.flight.report import report_of
 from tests.scenarios.wires import Rules, Wires, address
 from world.outlets.snapshot import Snapshot
@@ -79,7 +79,7 @@ def _serve(fields: Fields, clock: Any, credentials: Credentials, endpoint: str, 
         print(json.dumps({"tick": picture.tick}), file=said, flush=True)
 
     try:
-        flown, _ = serve_world(mission, clock, [endpoint], credentials, show)
+        flown, _ = serve_world(mission, clock, [endpoint], credentials, Watching(show))
     except SwarmError as error:
         print(json.dumps({"broken": str(error)}), file=said, flush=True)
         return 3

@@ -28,6 +28,7 @@ from world.director import Director
 from world.failsafe import Failsafe
 from world.faults import Event
 from world.outcome import Flown
+from world.outlets.onlooker import Nobody, Onlooker
 from world.outlets.snapshot import snapshot
 from world.server.patience import Patience
 from world.server.peer import FLOODS, Peer
@@ -58,6 +59,7 @@ class WorldServer:
         control: Control,
         record: Callable[[WorldCore], None] | None = None,
         join_s: float = 30.0,
+        onlooker: Onlooker | None = None,
     ) -> None:
         """``record`` is called before the first tick and after every tick; ``join_s`` is the patience for drones to arrive.
 
@@ -67,6 +69,7 @@ class WorldServer:
         self._mission, self._link, self._clock, self._control = mission, link, clock, control
         self._record = record or (lambda core: None)
         self._join_s = join_s
+        self._onlooker = onlooker or Nobody()
         self.core = WorldCore([mission])
         self.director = Director(self.core, self)
         agents = mission.agents
@@ -101,6 +104,7 @@ class WorldServer:
         self._first_tick_at, self._began, shown = time.time(), time.perf_counter(), -np.inf
         self._started = self._time.now()
         while core.active[0]:
+            self._look_on()
             self.director.tick()
             if core.tick[0] > self._now:  # else it was broken off before it was flown
                 self._record(core)
@@ -109,7 +113,19 @@ class WorldServer:
                 shown = now
                 factor = core.tick[0] * TICK_S / now
                 self._control.show(snapshot(core, self.director.statuses, factor, self._failsafe.misses))
+        self._onlooker.attend(self.director)
         return self.flown()
+
+    def _look_on(self) -> None:
+        """Let the onlooker look, and wait as long as it wants: such waiting is no time of the flight."""
+        while (wait_s := self._onlooker.attend(self.director)) > 0 and not self._control.leaving():
+            before, began = self._time.now(), time.perf_counter()
+            while (left := before + wait_s - self._time.now()) > 0:
+                self._receive(left)
+            if (now := self._time.now()) >= self._look_at:
+                self._look(now)
+            self._started += now - before
+            self._began += time.perf_counter() - began
 
     def flown(self) -> Flown:
         """What came of the flight, or would if it were interrupted now."""

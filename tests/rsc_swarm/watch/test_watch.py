@@ -1,0 +1,163 @@
+"""A live page: what it is shown, that it costs the flight nothing, and who may look."""
+
+import json
+import socket
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+from protocols.mission.document import Mission
+from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.simulate import Simulation, simulate
+from rsc_swarm.watch.recording import Recording
+from rsc_swarm.watch.window import PICTURE, Window
+from world.outlets.picture import COLUMNS, FLYING, FROZEN, LOST, picture, scene
+
+pytest.importorskip("starlette", reason="the page needs the extra 'view'")
+from websockets.sync.client import connect
+
+from rsc_swarm.watch.site import Asked, Site, ViewError, served
+
+MISSION = Mission(
+    agents=4,
+    fly_s=1.0,
+    faults=[{"at_s": 0.2, "kind": "kill", "agents": [2]}, {"at_s": 0.3, "kind": "freeze", "agents": [1]}],
+)
+
+
+def unpacked(data: bytes) -> tuple[dict, np.ndarray, np.ndarray]:
+    length = int.from_bytes(data[:4], "little")
+    head = json.loads(data[4 : 4 + length])
+    drones = np.frombuffer(data, "<f4", head["drones"] * len(COLUMNS), 4 + length).reshape(-1, len(COLUMNS))
+    return head, drones, np.frombuffer(data, "<i2", offset=4 + length + drones.nbytes).reshape(-1, 3)
+
+
+def flown(ticks: int) -> Simulation:
+    simulation = Simulation([MISSION])
+    for _ in range(ticks):
+        simulation.tick()
+    return simulation
+
+
+def test_a_picture_says_where_all_are_and_how():
+    simulation = flown(50)
+    core = simulation.world
+    head, drones, beliefs = unpacked(picture(core, simulation.director.statuses, 2.0).packed())
+    assert (head["tick"], head["factor"], head["beliefs"]) == (50, 2.0, len(beliefs))
+    assert drones[:, 0:2] == pytest.approx(core.position[0], abs=1e-5)
+    assert drones[:, COLUMNS.index("slot")].tolist() == core.claim[0].tolist()
+    assert drones[:, COLUMNS.index("state")].tolist() == [FLYING, FROZEN, LOST, FLYING]
+    assert np.isfinite(drones).all()
+    assert json.loads(json.dumps(scene(core)))["agents"] == 4
+
+
+def test_beliefs_are_those_that_are_wrong():
+    simulation = flown(10)
+    statuses = dict(simulation.director.statuses)
+    view = bytearray(statuses[3].view)
+    view[0], view[1] = view[1], view[0]
+    statuses[3] = statuses[3]._replace(view=bytes(view))
+    beliefs = unpacked(picture(simulation.world, statuses, 1.0).packed())[2]
+    assert beliefs.tolist() == [[3, 0, view[0]], [3, 1, view[1]]]
+
+
+def test_a_recording_gives_what_was_missed_thinned_with_the_newest():
+    kept = Recording(most_bytes=1000, most_at_once=100)
+    for tick in range(15):
+        kept.add(tick, bytes([tick]) * 10)
+    newest, told = kept.since(11)
+    assert (newest, told) == (14, b"".join(b"\x0a\0\0\0" + bytes([tick]) * 10 for tick in (12, 13, 14)))
+    newest, told = kept.since(-1)
+    assert newest == 14
+    assert len(told) <= 100 + 8 * 4
+    assert told.endswith(bytes([14]) * 10)
+    for tick in range(15, 500):
+        kept.add(tick, bytes(10))
+    assert len(kept) <= 101
+    assert kept.since(498)[0] == 499
+    assert kept.since(499) == (499, b"")
+
+
+def test_nobody_reads_and_the_flight_is_the_same():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    with ours, theirs:
+        assert fly(MISSION, onlooker=Window(ours)).outcome == simulate([MISSION])[0]
+
+
+def test_nobody_is_there_any_more_and_the_flight_is_the_same():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    theirs.close()
+    with ours:
+        assert fly(MISSION, onlooker=Window(ours)).outcome == simulate([MISSION])[0]
+
+
+@pytest.fixture
+def site():
+    with served(Asked(port=0)) as site:
+        yield site
+
+
+def at(site: Site, path: str, scheme: str = "http") -> str:
+    return f"{scheme}{site.address.split('#')[0].removeprefix('http')}{path}"
+
+
+def get(url: str, **headers: str) -> bytes:
+    """What is there, once its server has come up."""
+    with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=20) as answer:
+        return answer.read()
+
+
+def test_a_page_that_never_reads_keeps_nobody_waiting(site):
+    stalled = socket.socket()
+    stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    host, port = at(site, "").removeprefix("http://").rstrip("/").split(":")
+    stalled.connect((host, int(port)))
+    stalled.sendall(
+        b"GET /live HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    big = PICTURE + picture(flown(1).world, {}, 1.0).packed()
+    with stalled, connect(at(site, "live", "ws"), max_size=None) as page:
+        site.window.say({"kind": "hello"})
+        assert json.loads(page.recv(20)) == {"kind": "hello"}
+        spent = time.process_time()
+        for tick in range(1, 5001):
+            site.window._send(big.replace(b'"tick":1,', b'"tick":%d,' % tick) + bytes(20_000))
+        assert (
+            time.process_time() - spent < 2.0
+        )  # 100 MB: nothing waits, what there is no room for is left out
+        site.window._send(big.replace(b'"tick":1,', b'"tick":6000,'))
+        deadline = time.monotonic() + 20
+        seen = b""
+        while b'"tick":6000,' not in seen and time.monotonic() < deadline:
+            site.window._send(big.replace(b'"tick":1,', b'"tick":6000,'))
+            seen = page.recv(20)
+        assert b'"tick":6000,' in seen
+
+
+def test_only_pages_of_ours_and_names_of_this_machine(site):
+    assert b"<canvas" in get(at(site, ""))
+    for path in ("page/page.js", "page/page.css", "page/icon.svg"):
+        assert get(at(site, path))
+    with pytest.raises(urllib.error.HTTPError, match="400"):
+        get(at(site, ""), Host="evil.example")
+    with (
+        pytest.raises(Exception, match=r"rejected|403|closed"),
+        connect(at(site, "live", "ws"), origin="http://evil.example") as page,
+    ):
+        page.recv(5)
+
+
+def test_a_port_that_is_taken_is_said_in_a_line(site):
+    port = int(site.address.split(":")[2].split("/")[0])
+    with pytest.raises(ViewError, match=f"--view-port {port}: .*give another"), served(Asked(port=port)):
+        pass
+    with (
+        pytest.raises(ViewError, match=r"--view-host nowhere.invalid: .*address of this machine"),
+        served(Asked("nowhere.invalid")),
+    ):
+        pass

@@ -1,0 +1,147 @@
+"""A flight as a page in a browser draws it: one scene, which stays as it is, and many pictures, one a moment.
+
+A picture goes as bytes, which a browser reads as they stand: little-endian, blocks one after the other.
+
+    uint32              length of the head
+    head                JSON, padded with spaces to a multiple of 4
+    float32 (N, 11)     a drone each, the columns `COLUMNS`
+    int16 (B, 3)        beliefs that differ from what is so: who believes, about whom, which slot
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission
+from protocols.wire.status import SWAP_COUNTS, AgentStatus
+from world.core import WorldCore
+from world.medium.medium import TALLY
+
+COLUMNS = (
+    "x_m",
+    "y_m",
+    "vx_mps",
+    "vy_mps",
+    "slot",
+    "state",
+    "nearest_m",
+    "edge_error",
+    "heard",
+    "rejected",
+    "group",
+)
+LOST, FROZEN, FLYING = range(3)  #: states
+_FARTHEST_M = 1e6  # in place of infinity
+_MOST_BELIEFS = 10_000  # of a swarm that is at odds; more would say no more
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One moment of one flight.
+
+    drones: (N, 11) float32, per `COLUMNS`. beliefs: (B, 3) int16, who, about whom, which slot. frames, swaps: counts so far.
+    """
+
+    tick: int
+    real_time_factor: float
+    drones: NDArray[np.float32]
+    beliefs: NDArray[np.int16]
+    frames: Mapping[str, int]
+    swaps: Mapping[str, int]
+
+    def packed(self) -> bytes:
+        """The bytes for the page."""
+        head = {
+            "tick": self.tick,
+            "factor": round(self.real_time_factor, 3),
+            "drones": len(self.drones),
+            "beliefs": len(self.beliefs),
+            "frames": dict(self.frames),
+            "swaps": dict(self.swaps),
+        }
+        text = json.dumps(head, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        return b"".join(
+            (
+                len(text).to_bytes(4, "little"),
+                text,
+                self.drones.astype("<f4").tobytes(),
+                self.beliefs.astype("<i2").tobytes(),
+            )
+        )
+
+
+def scene(core: WorldCore, world: int = 0) -> dict[str, Any]:
+    """What stays as it is in the flight of one world: the field, the formation and its tree, the limits; plain fields."""
+    count = int(core.obstacle_count[world])
+    return scene_of(core.missions[world], core.obstacles[world, :count], float(core.goal_x[world]))
+
+
+def scene_of(mission: Mission, obstacles: NDArray[np.float64], goal_x_m: float) -> dict[str, Any]:
+    """As `scene`; obstacles: (M, 3) x, y, radius [m]."""
+    return {
+        "name": mission.name,
+        "agents": mission.agents,
+        "policy": mission.policy,
+        "map": mission.map_seed,
+        "seed": mission.seed,
+        "tick_s": TICK_S,
+        "ticks": mission.ticks,
+        "goal_x_m": goal_x_m,
+        "obstacles_m": obstacles.tolist(),
+        "parent": mission.layout.parent.tolist(),
+        "offsets_m": mission.layout.offsets.tolist(),
+        "spacing_m": mission.layout.spacing,
+        "edge_tolerance": mission.edge_tolerance,
+        "collision_m": mission.limits.collision_m,
+        "range_m": mission.radio.range_m,
+        "target_mps": mission.target.speed_mps,
+        "loss": mission.radio.loss,
+    }
+
+
+def picture(
+    core: WorldCore, statuses: Mapping[int, AgentStatus], real_time_factor: float, world: int = 0
+) -> Picture:
+    """One world as it is now; ``statuses``: the drones' own accounts, by agent number."""
+    drones = np.empty((core.shape[1], len(COLUMNS)), np.float32)
+    flying = core.flying[world]
+    drones[:, 0:2], drones[:, 2:4] = core.position[world], core.velocity[world]
+    drones[:, 4] = core.claim[world]
+    drones[:, 5] = np.where(flying, np.where(core.responsive[world], FLYING, FROZEN), LOST)
+    drones[:, 6] = np.minimum(core.nearest[world], _FARTHEST_M)
+    drones[:, 7] = core.edge_error[world]
+    drones[:, 8:10] = 0.0
+    for agent, status in statuses.items():
+        drones[agent, 8], drones[agent, 9] = status.heard, sum(status.rejected)
+    drones[:, 10] = core.condition.group[world]
+    return Picture(
+        int(core.tick[world]),
+        real_time_factor,
+        drones,
+        _beliefs(core.claim[world], flying, statuses),
+        dict(zip(TALLY, core.tally[world].tolist(), strict=True)),
+        {
+            name: sum(status.swaps[index] for status in statuses.values())
+            for index, name in enumerate(SWAP_COUNTS)
+        },
+    )
+
+
+def _beliefs(
+    claim: NDArray[np.int16], flying: NDArray[np.bool_], statuses: Mapping[int, AgentStatus]
+) -> NDArray[np.int16]:
+    """Where the drones' views of the slots differ from what those in the air claim."""
+    who = np.array([agent for agent in statuses if flying[agent]], np.int16)
+    if not len(who):
+        return np.empty((0, 3), np.int16)
+    views = np.frombuffer(b"".join(statuses[agent].view for agent in who.tolist()), np.uint8).reshape(
+        len(who), -1
+    )
+    row, about = np.nonzero((views != claim) & flying)
+    return np.stack([who[row], about, views[row, about]], axis=1)[:_MOST_BELIEFS].astype(np.int16)
