@@ -30,7 +30,8 @@ from rsc_swarm.show.plots.flight import Track
 from rsc_swarm.show.plots.flight import draw as draw_tracks
 from rsc_swarm.study import evaluate as study
 from rsc_swarm.study.evaluate import Evaluation
-from rsc_swarm.study.finished import fingerprint
+from rsc_swarm.study.fingerprint import fingerprint
+from rsc_swarm.study.machines import Who, crew_of
 from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory
 
@@ -228,7 +229,12 @@ def _leaves(fields: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 
 
 def evaluate(
-    mission: Mission, maps: int = 200, starts: int = 3, seed_base: int = 0, workers: int | None = None
+    mission: Mission,
+    maps: int = 200,
+    starts: int = 3,
+    seed_base: int = 0,
+    workers: int | None = None,
+    on: str | None = None,
 ) -> Evaluation:
     """Fly a mission on many maps, from several starts each, and add the flights up: a row of a table.
 
@@ -236,13 +242,14 @@ def evaluate(
         maps: map seeds ``seed_base`` to ``seed_base + maps - 1``. Tune on 1,000,000 and up, measure on 0 to 199.
         starts: start k of map m flies with seed 1000 m + k.
         workers: processes that fly; None: one per processor.
+        on: fly on Dask workers instead: ``local:4``, or ``tcp://host:8786`` (docs/machines.md).
 
     Raises:
         MissionError, PolicyError, world.field.FieldError: it cannot be flown.
-        rsc_swarm.study.workers.WorkerError: a worker died.
+        rsc_swarm.study.workers.WorkerError: a worker died. rsc_swarm.study.machines.MachinesError: nobody to fly on.
     """
-    amount = study.Amount(maps, starts, seed_base, workers)
-    flights = study.evaluate(mission, amount.seeds(), amount.processes())
+    with crew_of(Who(workers, on)) as crew:
+        flights = study.evaluate(mission, study.seeds_of(seed_base, maps, starts), crew)
     return study.summarise(mission, flights, starts, fingerprint(mission))
 
 

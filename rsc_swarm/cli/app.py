@@ -6,11 +6,14 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import StrEnum
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from protocols.errors import ExitCode
+
+if TYPE_CHECKING:
+    from rsc_swarm.study.machines import Who
 
 app = typer.Typer(
     name="rsc-swarm",
@@ -88,6 +91,32 @@ class FlightOptions:
             metavar="ADDRESS", help="Its address; 0.0.0.0: for everybody.", rich_help_panel=_WATCHING
         ),
     ] = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class WhoOptions:
+    """Options of every command that flies many times: who flies."""
+
+    workers: Annotated[int | None, typer.Option(help="Processes to fly with. (one per processor)")] = None
+    on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="local:N|ADDRESS",
+            help="Fly on Dask workers instead: so many on this machine, or those of a scheduler, tcp://host:8786.",
+        ),
+    ] = None
+
+    def checked(self) -> "Who":
+        """What is asked for.
+
+        Raises:
+            protocols.mission.document.MissionError: it names nobody.
+        """
+        from rsc_swarm.study.machines import Who, check_who
+
+        who = Who(self.workers, self.on)
+        check_who(who)
+        return who
 
 
 def examples(*lines: str) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
+from rsc_swarm.cli.app import WhoOptions, announce_compiling, app, examples, with_options
 from rsc_swarm.machine.leaving import unwind_when_asked
 from rsc_swarm.options import MissionOptions, command_line, resolve
 
@@ -62,6 +62,7 @@ class TableOptions:
 def evaluate(
     options: MissionOptions,
     tables: TableOptions,
+    who: WhoOptions,
     maps: Annotated[int, typer.Option(help="Number of maps.")] = 200,
     starts: Annotated[int, typer.Option(help="Starts per map.")] = 3,
     seed_base: Annotated[
@@ -70,7 +71,6 @@ def evaluate(
             help="Seed of the first map. 0 to 199 are the test set; train and tune on 1000000 and up."
         ),
     ] = 0,
-    workers: Annotated[int | None, typer.Option(help="Processes to fly with. (one per processor)")] = None,
     json: Annotated[
         str | None,
         typer.Option(
@@ -84,7 +84,7 @@ def evaluate(
     announce_compiling()
     from rsc_swarm.study.evaluate import Amount
 
-    amount = Amount(maps, starts, seed_base, workers)
+    amount = Amount(maps, starts, seed_base, who.checked())
     if tables == TableOptions():
         raise typer.Exit(fly_row(options, amount, json))
     from rsc_swarm.cli.tables import fly_table
@@ -104,14 +104,15 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
     from rsc_swarm.show.progress import Meter
     from rsc_swarm.show.render import console
     from rsc_swarm.study.evaluate import evaluate, journal_path, summarise
-    from rsc_swarm.study.finished import fingerprint
+    from rsc_swarm.study.fingerprint import fingerprint
+    from rsc_swarm.study.machines import crew_of
     from rsc_swarm.study.progress import TICKS_GUESS, Flights
 
     if options.map is not None or options.seed is not None:
         raise MissionError(
             "--map and --seed: evaluate chooses the seeds; use --seed-base, --maps and --starts"
         )
-    workers, seeds = amount.processes(), amount.seeds()
+    seeds = amount.seeds()
     mission = resolve(options)
     output = JsonOutput(json)
     code = fingerprint(mission)
@@ -120,9 +121,9 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
     meter = Meter()
     progress = Flights(TICKS_GUESS * mission.ticks, meter)
     try:
-        with unwind_when_asked(), closing(meter):
+        with unwind_when_asked(), closing(meter), crew_of(amount.who) as crew:
             meter.begin(f"{len(seeds)} flights")
-            flights = evaluate(mission, seeds, workers, journal, progress)
+            flights = evaluate(mission, seeds, crew, journal, progress)
     except KeyboardInterrupt:
         failed = sum(not flight.outcome.success for flight in progress.flights)
         kept = (

@@ -45,6 +45,7 @@ def fly_table(
     from protocols.mission.document import MissionError
     from rsc_swarm.show.progress import Meter
     from rsc_swarm.show.render import console
+    from rsc_swarm.study.machines import crew_of
     from rsc_swarm.study.tables import rows
     from rsc_swarm.study.tables.flying import fly, prepare
     from rsc_swarm.study.tables.markdown import drawn, markdown
@@ -60,7 +61,7 @@ def fly_table(
     if given := [flag(option) for option in chosen(options)]:
         raise MissionError(f"{' '.join(given)}: the rows of a table say what is flown; leave it out")
     wanted = rows.chosen(table, names)
-    seeds, workers = amount.seeds(), amount.processes()
+    seeds = amount.seeds()
     out = out or Path("tables")
     path = path_of(out, name)
     old = read_table(path) if path.exists() else None
@@ -74,9 +75,9 @@ def fly_table(
 
     meter = Meter()
     try:
-        with unwind_when_asked(), closing(meter):
+        with unwind_when_asked(), closing(meter), crew_of(amount.who) as crew:
             meter.begin(f"{sum(job.missing for job in jobs)} flights")
-            fly(jobs, seeds, amount.starts, workers, meter, landed)
+            fly(jobs, seeds, amount.starts, crew, meter, landed)
     except KeyboardInterrupt:
         print(
             f"stopped after {len(new)} of {len(jobs)} rows; what was flown is kept in {out}, "

@@ -6,8 +6,6 @@ judged on maps it was made for.
 """
 
 import math
-import os
-from concurrent.futures import Executor
 from contextlib import closing, nullcontext
 from pathlib import Path
 from statistics import fmean
@@ -19,6 +17,7 @@ from protocols.mission.document import Mission, MissionError
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.report import describe, missed_faults
 from rsc_swarm.study.finished import FinishedFlights
+from rsc_swarm.study.machines import Crew, Who
 from rsc_swarm.study.workers import Flight, Seeds, fly_all
 
 STARTS_PER_MAP = 1000
@@ -125,26 +124,16 @@ def seeds_of(seed_base: int, maps: int, starts: int) -> list[Seeds]:
 
 
 class Amount(NamedTuple):
-    """How much is flown: ``starts`` flights on each of ``maps`` maps from ``seed_base`` on, by so many processes."""
+    """How much is flown, and by whom: ``starts`` flights on each of ``maps`` maps from ``seed_base`` on."""
 
     maps: int
     starts: int
     seed_base: int
-    workers: int | None
+    who: Who
 
     def seeds(self) -> list[Seeds]:
         """As `seeds_of`."""
         return seeds_of(self.seed_base, self.maps, self.starts)
-
-    def processes(self) -> int:
-        """How many processes fly: ``workers``, or one per processor.
-
-        Raises:
-            MissionError: fewer than one.
-        """
-        if self.workers is not None and self.workers < 1:
-            raise MissionError(f"--workers: give at least 1, not {self.workers}")
-        return self.workers or len(os.sched_getaffinity(0))
 
 
 def flown_on(maps: tuple[int, int], starts: int) -> str:
@@ -156,16 +145,14 @@ def flown_on(maps: tuple[int, int], starts: int) -> str:
 def evaluate(
     mission: Mission,
     seeds: list[Seeds],
-    workers: int,
+    crew: Crew,
     journal: Path | None = None,
     watcher: Watcher | None = None,
-    executor: Executor | None = None,
 ) -> list[Flight]:
     """Fly ``mission`` once per pair of seeds; the flights in the order of ``seeds``.
 
     Args:
-        journal: keeps finished flights; those it already has are not flown again.
-        executor: flies instead of ``workers`` processes of this machine.
+        crew: who flies. journal: keeps finished flights; those it already has are not flown again.
 
     Raises:
         WorkerError, FinishedFlightsError, and as rsc_swarm.flight.simulate.Simulation.
@@ -175,7 +162,7 @@ def evaluate(
         flights = {pair: book.flights[pair] for pair in seeds if pair in book.flights} if book else {}
         watcher.begin(list(flights.values()), len(seeds) - len(flights))
         missing = [pair for pair in seeds if pair not in flights]
-        with closing(fly_all(mission, missing, workers, executor)) as flying:
+        with closing(fly_all(mission, missing, crew.workers, crew.executor)) as flying:
             for said in flying:
                 if isinstance(said, int):
                     watcher.ticks(said)

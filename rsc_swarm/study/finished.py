@@ -1,64 +1,28 @@
 """The journal of an evaluation: finished flights, one JSON line each, so that it can go on after a stop.
 
 The file is named after what was flown: the mission without its seeds, and all code and data that decide a
-flight. Another mission, or edited code, therefore has a journal of its own, and none is ever overwritten.
+flight (rsc_swarm.study.fingerprint). Another mission, or edited code, therefore has a journal of its own, and none is ever
+overwritten.
 """
 
 import fcntl
-import hashlib
 import json
-from collections.abc import Iterator
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numba
-import numpy as np
 from pydantic import TypeAdapter
 
-from agent.policy import files_of, find_policy
 from protocols.errors import SwarmError
-from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
-from rsc_swarm.batch.expert import EXPERT
-from rsc_swarm.batch.expert import FILES as EXPERT_FILES
 from rsc_swarm.study.workers import Flight, Seeds
 
-_ROOT = Path(__file__).resolve().parents[2]
 _FLIGHT = TypeAdapter(Flight)
-_DECIDING = ("protocols", "agent", "world", "rsc_swarm/flight/simulate.py")
 
 
 class FinishedFlightsError(SwarmError, RuntimeError):
     """The journal cannot be used now; one line says why."""
-
-
-def fingerprint(mission: Mission) -> str:
-    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, and the same code.
-
-    Raises:
-        agent.policy.PolicyError: the mission's policy cannot be found or made.
-    """
-    fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
-    digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
-    digest.update(f"{numba.__version__} {np.__version__} {version('onnxruntime')}".encode())
-    for path in _deciding_files(mission):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-def _deciding_files(mission: Mission) -> Iterator[Path]:
-    for place in _DECIDING:
-        path = _ROOT / place
-        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.is_file() and "__pycache__" not in file.parts and file.suffix not in (".onnx", ".json"):
-                yield file
-    if mission.policy == EXPERT:
-        yield from EXPERT_FILES
-        return
-    yield from files_of(find_policy(mission.policy, mission))
 
 
 class FinishedFlights:

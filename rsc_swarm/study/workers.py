@@ -1,18 +1,20 @@
 """Many flights on many processes: batches of missions, every flight handed over the moment it ends.
 
-The processes are a pool of ``concurrent.futures``; any other executor can stand in for it. Ours are forked once the kernels are
-loaded, so they start at once and share them. They ignore Ctrl-C: they leave as soon as nobody listens any more.
+The processes are a pool of ``concurrent.futures``; any other executor can stand in for it (rsc_swarm.study.machines). Ours are
+forked once the kernels are loaded, so they start at once and share them. They ignore Ctrl-C: they leave as soon as nobody listens
+any more.
 """
 
 import ctypes
 import signal
 from collections.abc import Generator, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed, wait
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Lock
+from socket import gethostname
 
 from protocols.errors import BrokenError, SwarmError
 from protocols.mission.document import Mission
@@ -21,11 +23,13 @@ from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.machine.leaving import nobody_asks
+from rsc_swarm.study.fingerprint import fingerprint
 from world.field import FieldError, draw_obstacles, draw_start
 from world.invariants import Watched
 from world.outcome import Outcome
 
 Seeds = tuple[int, int]  # map seed, start seed
+TASK = 64  # flights that an executor is given at a time: some seconds to a minute of work
 _TELL_EVERY = 50  # ticks
 _LISTEN_S = 0.05
 _PR_SET_PDEATHSIG = 1
@@ -69,16 +73,34 @@ def _enlist(reader: Connection, writer: Connection, lock: Lock) -> None:
 
 
 def fly_seeds(mission: Mission, seeds: list[Seeds]) -> list[Flight]:
-    """Fly ``mission`` once per pair of seeds; the flights that were not told otherwise."""
+    """Fly ``mission`` once per pair of seeds, as many in step as fly best; the flights that were not told otherwise."""
     flights = []
-    for said in fly_batch(mission, seeds):
-        if _told:
-            writer, lock = _told
-            with lock:
-                writer.send(said)
-        elif isinstance(said, Flight):
-            flights.append(said)
+    for batch in _batches(seeds, _in_step(mission)):
+        for said in fly_batch(mission, batch):
+            if _told:
+                writer, lock = _told
+                with lock:
+                    writer.send(said)
+            elif isinstance(said, Flight):
+                flights.append(said)
     return flights
+
+
+def _fly_task(code: str, mission: Mission, seeds: list[Seeds]) -> list[Flight]:
+    """`fly_seeds` wherever that is, if it can be the same flights there: if ``mission`` has the `fingerprint` ``code``."""
+    if fingerprint(mission) != code:
+        raise WorkerError(
+            f"worker {gethostname()} has other files of policy {mission.policy} than this command"
+        )
+    return fly_seeds(mission, seeds)
+
+
+def _in_step(mission: Mission) -> int:
+    return max(1, ROWS // mission.agents) if mission.policy == EXPERT else flights_at_once(mission)
+
+
+def _batches(seeds: list[Seeds], size: int) -> list[list[Seeds]]:
+    return [seeds[first : first + size] for first in range(0, len(seeds), size)]
 
 
 def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
@@ -141,26 +163,42 @@ def fly_all(
         WorkerError: a worker died or broke. protocols.mission.document.MissionError: the expert cannot fly this.
         world.field.FieldError: one of the maps leaves no room to start. agent.policy.PolicyError: the policy raised.
     """
-    most = max(1, ROWS // mission.agents) if mission.policy == EXPERT else flights_at_once(mission)
-    size = max(1, min(most, -(-len(seeds) // workers)))
-    batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
-    if not batches:
+    if not seeds:
         return
     try:
         if executor:
-            for future in as_completed([executor.submit(fly_seeds, mission, batch) for batch in batches]):
-                yield from future.result()
+            yield from _fly_elsewhere(executor, mission, seeds, workers)
         else:
             _rehearse(mission, seeds[0])
+            batches = _batches(seeds, max(1, min(_in_step(mission), -(-len(seeds) // workers))))
             yield from _fly_forked(mission, batches, min(workers, len(batches)))
     except (SwarmError, GeneratorExit):
         raise
     except BrokenProcessPool:
         raise WorkerError("a worker died; run it again to go on") from None
+    except CancelledError:
+        raise WorkerError("the scheduler was lost; run it again to go on") from None
     except Exception as error:
         raise WorkerError(
             f"a worker broke: {type(error).__name__}: {' '.join(str(error).split())}"
         ) from error
+
+
+def _fly_elsewhere(
+    executor: Executor, mission: Mission, seeds: list[Seeds], workers: int
+) -> Iterator[Flight | int]:
+    """`fly_all` on an executor: `TASK` flights a task, or fewer where some would have nothing to do."""
+    size = max(1, min(TASK, -(-len(seeds) // workers)))
+    code = fingerprint(mission)
+    flying = [executor.submit(_fly_task, code, mission, task) for task in _batches(seeds, size)]
+    try:
+        for future in as_completed(flying):
+            flights: list[Flight] = future.result()
+            yield sum(flight.outcome.ticks for flight in flights)
+            yield from flights
+    finally:  # nobody wants the rest any more
+        for future in flying:
+            future.cancel()
 
 
 def _rehearse(mission: Mission, seeds: Seeds) -> None:

@@ -30,7 +30,9 @@ from rsc_swarm.study.evaluate import (
     summarise,
     wilson,
 )
-from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError, fingerprint
+from rsc_swarm.study.fingerprint import fingerprint
+from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError
+from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import Flight, WorkerError, fly_all, fly_batch
 from tests.models import straight_on, written
 from world.field import FieldError
@@ -126,14 +128,14 @@ def test_a_policy_of_ones_own_flies_in_an_evaluation_as_it_does_alone(tmp_path):
 
 
 def test_workers_fly_every_seed_once_and_alike(tmp_path):
-    one, two = evaluate(SHORT, SEEDS, workers=1), evaluate(SHORT, SEEDS, workers=2)
+    one, two = evaluate(SHORT, SEEDS, Crew(1)), evaluate(SHORT, SEEDS, Crew(2))
     assert [(flight.map_seed, flight.seed) for flight in one] == SEEDS
     assert one == two
 
 
 def test_any_executor_can_stand_in_for_the_processes():
     with ThreadPoolExecutor(1) as pool:
-        assert evaluate(SHORT, SEEDS, 2, executor=pool) == evaluate(SHORT, SEEDS, 1)
+        assert evaluate(SHORT, SEEDS, Crew(2, pool)) == evaluate(SHORT, SEEDS, Crew(1))
 
 
 def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, monkeypatch):
@@ -141,25 +143,25 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, monkeypatch):
     path = tmp_path / "journal.jsonl"
     stopped, resumed = Stopping(after=3), Stopping(after=-1)
     with pytest.raises(KeyboardInterrupt):
-        evaluate(SHORT, SEEDS, 2, path, stopped)
+        evaluate(SHORT, SEEDS, Crew(2), path, stopped)
     with path.open("a") as file:
         file.write('{"map_seed": 1000002, "se')  # cut off in mid-line
-    flights = evaluate(SHORT, SEEDS, 2, path, resumed)
+    flights = evaluate(SHORT, SEEDS, Crew(2), path, resumed)
     assert (resumed.known, resumed.flown) == (3, 3)
-    assert flights == evaluate(SHORT, SEEDS, 1)
-    assert evaluate(SHORT, SEEDS, 2, path, Stopping(after=1)) == flights  # nothing was left to fly
+    assert flights == evaluate(SHORT, SEEDS, Crew(1))
+    assert evaluate(SHORT, SEEDS, Crew(2), path, Stopping(after=1)) == flights  # nothing was left to fly
 
 
 def test_the_expert_is_evaluated_like_any_other(tmp_path):
     mission = Mission(agents=4, policy="expert")
     path = tmp_path / "journal.jsonl"
-    flights = evaluate(mission, SEEDS, 2, path)
+    flights = evaluate(mission, SEEDS, Crew(2), path)
     assert [(flight.map_seed, flight.seed) for flight in flights] == SEEDS
-    assert evaluate(mission, SEEDS, 1, path, Stopping(after=1)) == flights  # nothing was left to fly
+    assert evaluate(mission, SEEDS, Crew(1), path, Stopping(after=1)) == flights  # nothing was left to fly
     result = summarise(mission, flights, 2, fingerprint(mission))
     assert (result.success_rate, result.breaches, result.disagreed) == (1, 0, 0)
     with pytest.raises(MissionError, match="faults: the batch simulation has none"):
-        evaluate(mission.model_copy(update={"faults": ({"at_s": 1, "kind": "heal"},)}), SEEDS, 1)
+        evaluate(mission.model_copy(update={"faults": ({"at_s": 1, "kind": "heal"},)}), SEEDS, Crew(1))
 
 
 def test_a_journal_is_named_after_all_that_decides_a_flight(tmp_path):
@@ -247,13 +249,13 @@ def test_workers_in_a_policy_that_does_not_return_are_ended(tmp_path):
 def test_a_map_without_room_is_named():
     around_the_start = {"count": (0, 3), "x_m": (-4, 4), "y_m": (-4, 4)}
     mission = Mission(agents=1, start={"radius_m": 0.0}, obstacles=around_the_start, fly_s=0.1)
-    assert len(evaluate(mission, [(2, 2000)], 1)) == 1
+    assert len(evaluate(mission, [(2, 2000)], Crew(1))) == 1
     with pytest.raises(FieldError, match="map 0, seed 0: agent 0 finds no free place"):
         list(fly_all(mission, [(2, 2000), (0, 0)], 1))
 
 
 def test_the_figures_add_up():
-    flights = evaluate(SHORT, SEEDS, 2)
+    flights = evaluate(SHORT, SEEDS, Crew(2))
     result = summarise(SHORT, flights, 2, "code")
     assert (result.runs, result.success_rate, result.collision_rate, result.noncollision_rate) == (6, 0, 0, 1)
     assert result.tau_mean_s is None
@@ -267,7 +269,7 @@ def test_the_figures_add_up():
 
 def test_success_is_measured_over_successes():
     mission = Mission(agents=1, hold_s=0.5, start={"radius_m": 1.0})
-    flights = evaluate(mission, seeds_of(0, 4, 1), 2)
+    flights = evaluate(mission, seeds_of(0, 4, 1), Crew(2))
     result = summarise(mission, flights, 1, "code")
     assert result.success_rate == result.held_rate == 1
     assert result.tau_mean_s == pytest.approx(sum(flight.outcome.tau_s or 0 for flight in flights) / 4)
@@ -309,7 +311,7 @@ def test_each_figure_is_over_the_flights_it_is_said_to_be_over():
 
 def test_the_journal_is_plain_text(tmp_path):
     path = Path(tmp_path / "j.jsonl")
-    evaluate(SHORT, SEEDS[:2], 1, path)
+    evaluate(SHORT, SEEDS[:2], Crew(1), path)
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [(line["map_seed"], line["seed"]) for line in lines] == SEEDS[:2]
     assert lines[0]["outcome"]["failure"] == "late"

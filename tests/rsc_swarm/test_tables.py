@@ -13,6 +13,7 @@ from protocols.mission.document import Mission, MissionError
 from rsc_swarm.cli import tables as command
 from rsc_swarm.options import MissionOptions, resolve
 from rsc_swarm.study.evaluate import Amount, seeds_of
+from rsc_swarm.study.machines import Who
 from rsc_swarm.study.tables import flying, plan_error, rows
 from rsc_swarm.study.tables.markdown import cells, drawn, legend, markdown, page
 from rsc_swarm.study.tables.plan_error import accuracy_of
@@ -39,7 +40,9 @@ def small_table(monkeypatch):
 
 
 def evaluate(out: Path, names: str | None = None, maps: int = 2) -> int:
-    return command.fly_table(SMALL.name, names, out, MissionOptions(), Amount(maps, 1, 1_000_000, 1), None)
+    return command.fly_table(
+        SMALL.name, names, out, MissionOptions(), Amount(maps, 1, 1_000_000, Who(1)), None
+    )
 
 
 def test_every_row_is_a_mission_and_has_a_name_of_its_own():
@@ -173,7 +176,7 @@ def test_a_row_that_cannot_be_flown_is_named_before_any_is_flown(tmp_path, monke
     with pytest.raises(
         MissionError, match=r"row here/nobody cannot be flown: policy: unknown policy 'nobody'"
     ):
-        command.fly_table("missing", None, tmp_path, MissionOptions(), Amount(1, 1, 0, 1), None)
+        command.fly_table("missing", None, tmp_path, MissionOptions(), Amount(1, 1, 0, Who(1)), None)
     assert list((tmp_path / "flights").iterdir()) == []
 
 

@@ -12,7 +12,9 @@ from agent.policy import PolicyError
 from protocols.mission.document import Mission, MissionError
 from rsc_swarm.options import resolve
 from rsc_swarm.study.evaluate import evaluate, journal_path, summarise
-from rsc_swarm.study.finished import FinishedFlights, fingerprint
+from rsc_swarm.study.fingerprint import fingerprint
+from rsc_swarm.study.finished import FinishedFlights
+from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.progress import TICKS_GUESS, Flights, Meter
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import RowResult, TableError, row_result
@@ -69,7 +71,7 @@ def fly(
     jobs: list[Job],
     seeds: list[Seeds],
     starts: int,
-    workers: int,
+    crew: Crew,
     meter: Meter,
     landed: Callable[[RowResult], None],
 ) -> None:
@@ -84,7 +86,7 @@ def fly(
         label = f"row {number} of {len(jobs)}, {job.row.key}: "
         guess = TICKS_GUESS * job.mission.ticks
         watcher = Flights(guess, meter, label, done / total, job.work / total)
-        flown = evaluate(job.mission, seeds, workers, job.journal, watcher)
+        flown = evaluate(job.mission, seeds, crew, job.journal, watcher)
         done += job.work
         result = summarise(job.mission, flown, starts, job.code)
-        landed(row_result(job.row, result, accuracy_of(job.mission, job.journal, seeds)))
+        landed(row_result(job.row, result, accuracy_of(job.mission, job.journal, seeds, crew.executor)))

@@ -1,7 +1,7 @@
 """How well a row's model foretells the expert, measured once and kept beside the row's flights."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
@@ -10,6 +10,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from agent.policy.model_file import SHIPPED
+from protocols.errors import SwarmError
 from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import write_whole
 from rsc_swarm.batch.batch import check_flyable
@@ -19,7 +20,9 @@ from rsc_swarm.study.workers import Seeds, WorkerError, be_worker
 _MAPS = 20  # the error is a mean over thousands of plans, so a few maps are enough
 
 
-def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accuracy | None:
+def accuracy_of(
+    mission: Mission, journal: Path, seeds: Sequence[Seeds], executor: Executor | None = None
+) -> Accuracy | None:
     """The accuracy of the mission's model on the first maps of ``seeds``; None for a controller that foretells
     nothing, and where the expert cannot fly.
 
@@ -40,25 +43,29 @@ def accuracy_of(mission: Mission, journal: Path, seeds: Sequence[Seeds]) -> Accu
     if kept.is_file():
         with suppress(ValidationError, OSError):  # what cannot be read is measured anew
             return Accuracy.model_validate_json(kept.read_bytes())
-    measured = _in_child(model, mission, maps)
+    if executor:
+        measured = _measured(executor, model, mission, maps)
+    else:  # in a process of its own: one that has run a model must not be forked, and the next row forks
+        with ProcessPoolExecutor(1, get_context("fork"), be_worker) as pool:
+            measured = _measured(pool, model, mission, maps)
     write_whole(kept, measured.model_dump_json() + "\n")
     return measured
 
 
-def _in_child(model: Path, mission: Mission, maps: list[int]) -> Accuracy:
-    """Measure in a process of its own: one that has run a model must not be forked, and the next row forks."""
-    with ProcessPoolExecutor(1, get_context("fork"), be_worker) as pool:
-        try:
-            model_m, constant_m = pool.submit(_measure, model, mission, maps).result()
-        except BrokenProcessPool:
-            raise WorkerError(f"measuring the accuracy of {model.stem}: the process died") from None
-        except Exception as error:
-            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            raise WorkerError(f"measuring the accuracy of {model.stem}: {said}") from error
+def _measured(executor: Executor, model: Path, mission: Mission, maps: list[int]) -> Accuracy:
+    try:
+        model_m, constant_m = executor.submit(_measure, model.name, mission, maps).result()
+    except SwarmError:
+        raise
+    except BrokenProcessPool:
+        raise WorkerError(f"measuring the accuracy of {model.stem}: the process died") from None
+    except Exception as error:
+        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise WorkerError(f"measuring the accuracy of {model.stem}: {said}") from error
     return Accuracy(model_m=model_m, constant_velocity_m=constant_m)
 
 
-def _measure(model: Path, mission: Mission, maps: list[int]) -> tuple[float, float]:
+def _measure(model: str, mission: Mission, maps: list[int]) -> tuple[float, float]:
     from rsc_swarm.study.accuracy import mae
 
-    return mae(model, mission, maps)
+    return mae(SHIPPED / model, mission, maps)

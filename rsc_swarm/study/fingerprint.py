@@ -1,0 +1,61 @@
+"""What decides flights, as a few digits: whether two flights can be compared, or two machines fly the same."""
+
+import hashlib
+import json
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from agent.policy import files_of, find_policy
+from protocols.mission.document import Mission
+from rsc_swarm.batch.expert import EXPERT
+from rsc_swarm.batch.expert import FILES as EXPERT_FILES
+
+_ROOT = Path(__file__).resolve().parents[2]
+_RULES = ("protocols", "agent", "world", "rsc_swarm/flight/simulate.py")
+_WHOLE = ("protocols", "agent", "world", "rsc_swarm")
+_MODELS = (".onnx", ".json")
+
+
+def fingerprint(mission: Mission) -> str:
+    """16 hexadecimal digits: equal only for missions that differ in nothing but seeds, and the same code.
+
+    Raises:
+        agent.policy.PolicyError: the mission's policy cannot be found or made.
+    """
+    fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
+    digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
+    digest.update(code_fingerprint().encode())
+    expert = mission.policy == EXPERT
+    for path in EXPERT_FILES if expert else files_of(find_policy(mission.policy, mission)):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache  # as it was when first asked for: this process flies on with that, whatever becomes of the files
+def code_fingerprint() -> str:
+    """16 hexadecimal digits: equal only for the same rules, and the same versions of what computes; policies left aside."""
+    files = [file for place in _RULES for file in _files(_ROOT / place) if file.suffix not in _MODELS]
+    return _digest(files)
+
+
+@cache
+def whole_fingerprint() -> str:
+    """16 hexadecimal digits: equal only where all of the project is the same, its models too."""
+    return _digest([file for place in _WHOLE for file in _files(_ROOT / place)])
+
+
+def _files(path: Path) -> list[Path]:
+    found = sorted(path.rglob("*")) if path.is_dir() else [path]
+    return [file for file in found if file.is_file() and "__pycache__" not in file.parts]
+
+
+def _digest(files: list[Path]) -> str:
+    versions = f"{numba.__version__} {np.__version__} {version('onnxruntime')}"
+    digest = hashlib.blake2b(versions.encode(), digest_size=8)
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
