@@ -15,8 +15,9 @@ import fcntl
 import os
 import shutil
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from pydantic import TypeAdapter, ValidationError
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.policy_name import file_of, named_by
-from protocols.whole_file import write_whole
+from protocols.whole_file import WriteError, write_whole
 from rsc_swarm.flight.events import End, events_of, json_lines
 from rsc_swarm.flight.report import FlightReport
 from world.outlets.trajectory import Trajectory
@@ -125,12 +126,20 @@ class RunDir:
         """Write every drone's path, and what happened on it.
 
         Raises:
-            protocols.whole_file.WriteError: one of them cannot be written; the other is, if it can.
+            protocols.whole_file.WriteError: one of them cannot be written, or neither; the other is, if it can.
         """
-        try:
-            path.save(self.trajectory)
-        finally:
-            write_whole(self.events, json_lines(events_of(path, mission, end)))
+        unsaved: list[str] = []
+        saves: list[Callable[[], None]] = [
+            partial(path.save, self.trajectory),
+            lambda: write_whole(self.events, json_lines(events_of(path, mission, end))),
+        ]
+        for save in saves:
+            try:
+                save()
+            except WriteError as error:
+                unsaved.append(str(error))
+        if unsaved:
+            raise WriteError("; ".join(unsaved))
 
     def finish(self, report: FlightReport, text: str) -> None:
         """Write the report, for programs and for people.

@@ -98,7 +98,7 @@ def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
     assert out.startswith("FAILED (late)")
     line = err.splitlines()[-1]
     assert line.startswith("rsc-swarm: ")
-    for name in ("trajectory.npz", "report.json"):
+    for name in ("trajectory.npz", "events.jsonl", "report.json"):
         assert f"{tmp_path}/other/{name}: cannot be written (No space left on device)" in line
 
 
