@@ -35,7 +35,7 @@ KINDS = {
     "heal": "all hear each other again",
     "lost": "a drone is out of the air without the mission's doing: struck off, or landed by its failsafe",
     "swap": "two drones exchange their slots",
-    "takeover": "a drone takes a slot that another, of, does not hold any more",
+    "takeover": "a drone takes a slot that another does not hold any more",
     "move": "a drone is in another slot, after what it heard",
     "detour": "a drone that obstacles have stopped flies around them",
     "formed": "the formation stands for the first time",
@@ -256,12 +256,14 @@ class _Told:
                 (int(seen["agent_a"]), int(seen["agent_b"])) if obstacle is None else (int(seen["agent_c"]),)
             )
             other = f"agent {agents[-1]}" if obstacle is None else f"obstacle {obstacle}"
-            collided = nearest < self._mission.limits.collision_m
-            text = f"agent {agents[0]} and {other} {'collide' if collided else 'are nearest to each other'}: {nearest:.2f} m"
-            why = f"a collision is less than {self._mission.limits.collision_m:g} m"
-            yield self._event(
-                tick, "collision" if collided else "closest", agents, text, why, obstacle=obstacle
-            )
+            limit = f"less than {self._mission.limits.collision_m:g} m is a collision"
+            pair = f"agent {agents[0]} and {other}"
+            if nearest < self._mission.limits.collision_m:
+                text = f"{pair} collide: {nearest:.2f} m apart"
+                yield self._event(tick, "collision", agents, text, limit, obstacle=obstacle)
+            else:
+                text = f"{pair} are nearest to each other: {nearest:.2f} m, where {limit}"
+                yield self._event(tick, "closest", agents, text, obstacle=obstacle)
         formed = np.flatnonzero(verdict["formed"] & ~np.logical_or.accumulate(verdict["collided"]))
         if formed.size:
             what = "the agent is" if alone else "the formation stands"

@@ -300,7 +300,7 @@ def describe_failure(outcome: Outcome, mission: Mission) -> str:
     return f"not {formation}beyond the goal line within {when}: {state}"
 
 
-def _numbers(agents: tuple[int, ...]) -> str:
+def numbers_text(agents: tuple[int, ...]) -> str:
     """``agents 3, 4 and 7``."""
     if len(agents) == 1:
         return f"agent {agents[0]}"
@@ -314,4 +314,4 @@ def agents_text(agents: int) -> str:
 
 def lost_text(agents: tuple[int, ...]) -> str:
     """Which drones were lost, shortened if they are many."""
-    return "none" if not agents else _numbers(agents) if len(agents) <= 12 else f"{len(agents)} agents"
+    return "none" if not agents else numbers_text(agents) if len(agents) <= 12 else f"{len(agents)} agents"

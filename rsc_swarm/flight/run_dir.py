@@ -158,7 +158,7 @@ class RunDir:
         """
         if not self._is_ours() or not self.trajectory.is_file():
             raise RunDirError(
-                f"--run-dir {self.path}: no flight recorded here; simulate or launch with --run-dir makes one"
+                f"{self.path}: no flight recorded here; simulate or launch with --run-dir makes one"
             )
 
     def ended(self) -> Ended:

@@ -42,12 +42,12 @@ def _figures(report: FlightReport) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
-    for name, text in _rows(report):
+    for name, text in figures(report):
         table.add_row(name, text)
     return table
 
 
-def _rows(report: FlightReport) -> list[tuple[str, str]]:
+def figures(report: FlightReport) -> list[tuple[str, str]]:
     """Name and figure; what one drone alone cannot have (edges, swaps, somebody to hear) is not told of it."""
     mission, frames, alone = report.mission, report.frames, report.agents == 1
     seeds = f"map {report.map_seed}, seed {report.seed}"

@@ -14,7 +14,7 @@ from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.options import MissionOptions
 from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.events import collision_place
-from rsc_swarm.show.plots.flight import Track, _edges, _free_place, draw
+from rsc_swarm.show.plots.flight import Track, _edges, draw, free_place
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
@@ -76,7 +76,7 @@ def test_drones_and_obstacles_carry_the_numbers_of_the_report(tmp_path, monkeypa
 
 def test_the_numbers_of_obstacles_that_overlap_stand_apart():
     discs = np.array([[20.0, 0.0, 1.0], [20.0, 0.2, 1.0], [30.0, 0.0, 1.0]])
-    places = [_free_place(discs, index) for index in range(3)]
+    places = [free_place(discs, index) for index in range(3)]
     assert np.linalg.norm(places[0] - places[1]) > 1.0
     assert places[2].tolist() == [30.0, 0.0]
 

@@ -108,11 +108,11 @@ def _draw_field(axes: Any, track: Track) -> None:
             Circle((x, y), keep_off, facecolor="none", edgecolor=ROCK, lw=0.8, ls=(0, (2, 2)), zorder=2)
         )
         axes.add_patch(Circle((x, y), radius, facecolor=ROCK, edgecolor="none", zorder=2))
-        number(axes, index, _free_place(track.path.obstacles, index), colour="white", centred=True)
+        number(axes, index, free_place(track.path.obstacles, index), colour="white", centred=True)
     axes.axvline(track.path.goal_x, color=INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
 
 
-def _free_place(discs: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+def free_place(discs: NDArray[np.float64], index: int) -> NDArray[np.float64]:
     """In the disc of this index, away from the middles of others that overlap it: for its number, m."""
     middle, radius = discs[index, :2], discs[index, 2]
     away = middle - np.delete(discs[:, :2], index, axis=0)

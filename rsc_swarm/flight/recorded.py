@@ -1,0 +1,52 @@
+"""A flight as its run directory keeps it, read again: what a report, a picture or another program's file is made from."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydantic import ValidationError
+
+from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from rsc_swarm.flight.events import End, Event, end_told, events_of
+from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from world.outlets.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recorded flight and how it ended. report: None of a flight on the air, and of one that nobody came to report. tau_s:
+    time of success, if there was one."""
+
+    mission: Mission
+    path: Trajectory
+    end: End
+    tau_s: float | None
+    report: FlightReport | None = None
+
+    @classmethod
+    def load(cls, folder: RunDir) -> "Recorded":
+        """The flight in ``folder``.
+
+        Raises:
+            rsc_swarm.flight.run_dir.RunDirError, MissionError, TrajectoryError: there is none, or it cannot be read.
+        """
+        folder.check()
+        mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
+        path, ended = Trajectory.load(folder.trajectory), folder.ended()
+        rows, agents = path.slots.shape
+        fits = agents == mission.agents and rows and 0 <= path.slots.min() <= path.slots.max() < agents
+        numbers = path.positions, path.velocities, path.obstacles, path.goal_x, path.tick_s
+        if not fits or not all(np.isfinite(part).all() for part in numbers) or path.tick_s <= 0:
+            raise RunDirError(f"{folder.trajectory}: is not the flight of the mission beside it")
+        try:
+            report = FlightReport.model_validate_json(folder.report.read_bytes())
+        except (OSError, ValidationError):
+            told = (ended.failure or "in formation beyond the goal line").replace("-", " ")
+            return cls(mission, path, End(ended.failure, f"{told} after {path.times[-1]:.2f} s"), ended.tau_s)
+        return cls(mission, path, end_told(report), report.tau_s, report)
+
+    @cached_property
+    def events(self) -> list[Event]:
+        """What happened, in order."""
+        return events_of(self.path, self.mission, self.end)
