@@ -4,6 +4,7 @@ An option overrides the mission file, which overrides the defaults. ``--set`` re
 option of its own. Nothing here imports the mission before a command asks, so that ``--help`` answers at once.
 """
 
+import json
 import re
 import shlex
 from dataclasses import dataclass, fields, replace
@@ -17,7 +18,10 @@ from protocols.mission.policy_name import from_folder
 from rsc_swarm.missions import mission_file, shipped_missions
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from protocols.mission.document import Mission
+    from protocols.mission.fault import Fault
 
 
 class Formation(StrEnum):
@@ -253,6 +257,13 @@ def anywhere(options: MissionOptions) -> MissionOptions:
     if policy is not None:
         policy = from_folder(policy, Path.cwd())
     return replace(options, mission=mission, policy=policy, set=others or None)
+
+
+def with_faults(options: MissionOptions, faults: "Sequence[Fault]") -> MissionOptions:
+    """The same options with these faults instead of the mission's."""
+    plain = [fault.model_dump(mode="json", exclude_defaults=True) for fault in faults]
+    others = [text for text in options.set or [] if _setting(text)[0] != "faults"]
+    return replace(options, set=[*others, f"faults={json.dumps(plain)}"])
 
 
 def command_line(verb: str, options: MissionOptions, **instead: Any) -> str:

@@ -10,8 +10,8 @@ seeds. A tick has two halves, between which the drones decide (`world.director` 
 Row r of every per-drone array is agent r % N of world r // N.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from protocols.dynamics import TICK_S, target_x
 from protocols.kernels import kernel
 from protocols.mission.document import Mission
+from protocols.mission.fault import Fault
 from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
 from protocols.wire.status import AgentStatus
 from world import faults, field, referee
@@ -90,8 +91,11 @@ def _next_tick(
 class WorldCore:
     """The state of E worlds of N drones and the rules that move it."""
 
-    def __init__(self, missions: Sequence[Mission]) -> None:
+    def __init__(self, missions: Sequence[Mission], watched: bool = False) -> None:
         """Lay out the fields of ``missions``, which must agree in all but seeds and faults.
+
+        Args:
+            watched: somebody looks on, wants to see what becomes of frames (`fates`), and may lay hands on a flight.
 
         Raises:
             world.field.FieldError: a mission leaves no room to start.
@@ -103,7 +107,7 @@ class WorldCore:
         self.shape = (worlds, agents)
         self.tick = np.zeros(worlds, np.int64)
         self.active = np.ones(worlds, np.bool_)
-        self.condition = faults.sound(worlds, agents)
+        self.condition = faults.sound(self.missions)
         self.flying, self.responsive = self.condition.flying, self.condition.responsive
         self.position = np.zeros((*self.shape, 2))
         self.velocity = np.zeros((*self.shape, 2))
@@ -131,11 +135,15 @@ class WorldCore:
         self._queue = medium.empty_queue(worlds, agents, self._link.longest)
         self._sizes = np.zeros((worlds, self._link.longest + 1, agents), np.int64)
         self._sent = np.zeros(self.shape, np.int64)
+        seen = agents if watched else 0
+        self.fates = np.full((worlds, seen, seen, len(medium.FATES)), medium.LONG_AGO, np.int32)
         self.inbox_start = np.zeros(worlds * agents + 1, np.int64)
         self.inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
-        # Only where something goes wrong is there news to wait for.
+        # Only where something goes wrong, or may, is there news to wait for.
         self._information_bound = (
-            information_bound.empty_information_bound(worlds, agents, self.ring) if first.faults else None
+            information_bound.empty_information_bound(worlds, agents, self.ring)
+            if first.faults or watched
+            else None
         )
         self._bodies = physics.Bodies(
             self.flying, self.position, self.velocity, self.command, self.condition.ability
@@ -146,10 +154,13 @@ class WorldCore:
             first.limits.collision_m,
         )  # fmt: skip
         self._clocks = medium.Clocks(self._seeds, self.tick, self.active)
-        self._air = medium.Air(self.flying, self.condition.group, self.position, self._sent)
+        self._air = medium.Air(
+            self.flying, self.condition.group, self.condition.loss, self.position, self._sent, self.fates
+        )  # fmt: skip
         self._judgements = [Judgement(mission) for mission in missions]
         self.outcomes: list[Outcome | None] = [None] * worlds
         self.struck_off: list[list[StruckOff]] = [[] for _ in missions]
+        self.by_hand: list[list[Fault]] = [[] for _ in missions]
         self._barred = np.zeros(self.shape, np.bool_)  # struck off: no fault of the mission brings them back
 
     @property
@@ -166,6 +177,18 @@ class WorldCore:
     def rows_awake(self) -> NDArray[np.bool_]:
         """(E*N,) the drones that sense, hear and answer this tick."""
         return (self.responsive & self.flying & self.active[:, None]).ravel()
+
+    def lay_hand(self, world: int, fields: Mapping[str, Any]) -> None:
+        """Let a fault happen at the beginning of the coming tick that the mission did not foresee; from then on it is the
+        mission's. ``fields``: of a fault, without its time.
+
+        Raises:
+            protocols.mission.document.MissionError: it would have no effect, or there is no such fault.
+        """
+        at_s = round(int(self.tick[world]) * TICK_S, 2)
+        mission = faults.with_fault(self.missions[world], {"at_s": at_s, **fields})
+        self.missions = (*self.missions[:world], mission, *self.missions[world + 1 :])
+        self.by_hand[world].append(mission.faults[-1])
 
     def begin_tick(self) -> list[faults.Event]:
         """Let the faults due now happen, and say which they were."""

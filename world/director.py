@@ -157,6 +157,7 @@ class Director:
             median_frame_bytes=_median(self._sizes[world]),
             message_bytes=message_bytes,
             first_tick_at=first_tick_at,
+            by_hand=tuple(self.core.by_hand[world]),
         )
 
 

@@ -1,13 +1,13 @@
 """What a mission says goes wrong: which faults are due, and what they do to the drones of a world."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.mission.document import Mission
+from protocols.mission.document import Mission, parse_mission
 from protocols.mission.fault import Fault
 
 EVERYONE = 0  # radio group while the swarm is not parted
@@ -17,21 +17,37 @@ class Condition(NamedTuple):
     """How the drones of E worlds are, (E, N) each.
 
     flying: in the air. responsive: senses, hears and answers. ability: share of its acceleration that a drone has.
-    group: only drones of the same radio group hear each other.
+    group: only drones of the same radio group hear each other. loss: (E,) share of frames that the radio loses independently.
     """
 
     flying: NDArray[np.bool_]
     responsive: NDArray[np.bool_]
     ability: NDArray[np.float64]
     group: NDArray[np.int16]
+    loss: NDArray[np.float64]
 
 
-def sound(worlds: int, agents: int) -> Condition:
+def sound(missions: Sequence[Mission]) -> Condition:
     """All drones as they start."""
-    shape = (worlds, agents)
+    shape = (len(missions), missions[0].agents)
     return Condition(
-        np.ones(shape, np.bool_), np.ones(shape, np.bool_), np.ones(shape), np.full(shape, EVERYONE, np.int16)
+        flying=np.ones(shape, np.bool_),
+        responsive=np.ones(shape, np.bool_),
+        ability=np.ones(shape),
+        group=np.full(shape, EVERYONE, np.int16),
+        loss=np.array([mission.radio.loss for mission in missions]),
     )
+
+
+def with_fault(mission: Mission, fault: Mapping[str, Any]) -> Mission:
+    """The mission with one more fault, given by its fields.
+
+    Raises:
+        protocols.mission.document.MissionError: it would have no effect, or there is no such fault.
+    """
+    fields = mission.model_dump(mode="json")
+    fields["faults"].append(dict(fault))
+    return parse_mission(fields, "by hand")
 
 
 @dataclass(frozen=True)
@@ -93,3 +109,5 @@ def strike(
         condition.group[world] = EVERYONE
         for number, group in enumerate(event.fault.groups, start=1):
             condition.group[world, list(group)] = number
+    elif kind == "loss":
+        condition.loss[world] = event.fault.loss

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
+from protocols.mission.fault import Fault
 from protocols.wire.status import AgentStatus
 from world.failsafe import CommandAges
 from world.invariants import Watched
@@ -68,7 +69,8 @@ def as_broken(outcome: Outcome, struck_off: tuple[StruckOff, ...], breach: str |
 
 @dataclass(frozen=True)
 class Flown:
-    """A flight and its figures. tally: per world.medium.medium.TALLY. statuses: each drone's last account."""
+    """A flight and its figures. tally: per world.medium.medium.TALLY. statuses: each drone's last account. by_hand: faults that
+    somebody who looked on brought about; with them the mission flies so again."""
 
     outcome: Outcome
     tally: dict[str, int]
@@ -80,6 +82,7 @@ class Flown:
     message_bytes: tuple[float, float]  # mean size of a drone's REPLY and of the world's TICK
     first_tick_at: float  # time.time()
     command_ages: CommandAges | None  # in real time
+    by_hand: tuple[Fault, ...] = ()
 
     @property
     def deadline_misses(self) -> int:

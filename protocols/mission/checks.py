@@ -222,7 +222,7 @@ class _SwarmState:
         elif kind == "restart":
             dead.difference_update(struck)
             frozen.difference_update(struck)
-        else:
+        elif kind in ("part", "heal"):
             self._parted = kind == "part"
         return wrong
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from protocols.dynamics import ticks_of
-from protocols.mission.values import Number, Seconds, Section, Who
+from protocols.mission.values import Number, Probability, Seconds, Section, Who
 
 _USUAL_FACTOR = 0.5
 
@@ -14,12 +14,16 @@ class Fault(Section):
     """Something that happens to the swarm at a given time."""
 
     at_s: Seconds
-    kind: Literal["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover"]
+    kind: Literal["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover", "loss"]
     agents: tuple[Who, ...] = ()
     slots: tuple[Who, ...] = Field((), description="whoever holds these slots at the start")
     groups: tuple[tuple[Who, ...], ...] = Field((), description="for part: who hears whom")
     factor: Annotated[Number, Field(gt=0, le=1)] = Field(
         _USUAL_FACTOR, description="for slow: share of the limits that is left"
+    )
+
+    loss: Probability | None = Field(
+        None, description="for loss: share of frames that the radio loses from now on"
     )
 
     @property
@@ -29,9 +33,11 @@ class Fault(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> "Fault":
-        whose = self.kind not in ("part", "heal")
+        whose = self.kind not in ("part", "heal", "loss")
         if self.kind == "part" and len(self.groups) < 2:
             raise ValueError("groups: a part needs at least two groups of agents")
+        if self.kind == "loss" and self.loss is None:
+            raise ValueError("loss: say which share of frames is lost, for example 0.3")
         if whose and not (self.agents or self.slots):
             raise ValueError(f"agents: name at least one agent (or slot) to {self.kind}")
         for field, idle in (
@@ -39,6 +45,7 @@ class Fault(Section):
             ("slots", not whose and self.slots),
             ("groups", self.kind != "part" and self.groups),
             ("factor", self.kind != "slow" and self.factor != _USUAL_FACTOR),
+            ("loss", self.kind != "loss" and self.loss is not None),
         ):
             if idle:
                 raise ValueError(f"{field}: means nothing to {self.kind}; leave it out")

@@ -18,11 +18,11 @@ from rsc_swarm.flight.report import FlightReport, agents_text, report_of
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.machine.leaving import leave_when_asked
-from rsc_swarm.options import MissionOptions, command_line, resolve
+from rsc_swarm.options import MissionOptions, command_line, resolve, with_faults
 from rsc_swarm.show.render import plain, render, show
 from rsc_swarm.show.view import View, line
 from world.outcome import Flown
-from world.outlets.onlooker import Nobody, Onlooker
+from world.outlets.onlooker import Onlooker
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,7 +39,7 @@ class Flight(NamedTuple):
     view: View
     folder: RunDir | None
     keep: Callable[[Flown], object]
-    onlooker: Onlooker
+    onlooker: Onlooker | None
 
 
 class Told(NamedTuple):
@@ -87,13 +87,18 @@ def fly_once(
         folder.begin(mission, policy_files, asked.overwrite)
         options = MissionOptions(mission=str(folder.mission))
     realtime = {} if asked.clock is Clock.lockstep else {"clock": asked.clock.value}
-    again = command_line(mode, options, **(also or {}), **realtime)
     who = f"{agents_text(mission.agents)}, policy {mission.policy}"
     view = View(f"{mode} {mission.name}: {who}, map {mission.map_seed}, seed {mission.seed}")
 
     def report(told: Told) -> FlightReport:
         figures = (told.first_tick_s, told.pss_mb, flown_with)
-        made = report_of(told.flown, mission, mode, asked.clock.value, again, *figures)
+        task, by_hand = mission, told.flown.by_hand
+        asked_again = options
+        if by_hand:
+            task = mission.model_copy(update={"faults": (*mission.faults, *by_hand)})
+            asked_again = options if folder else with_faults(options, task.faults)
+        again = command_line(mode, asked_again, **(also or {}), **realtime)
+        made = report_of(told.flown, task, mode, asked.clock.value, again, *figures)
         return made.model_copy(update={"detail": f"{made.detail}; {told.error}"}) if told.error else made
 
     def keep(told: Told, *first: Callable[[], None]) -> list[SwarmError]:
@@ -101,7 +106,11 @@ def fly_once(
         kept = report(told)
         saves: list[Callable[[], None]] = [*first, partial(output.write, kept.model_dump_json(indent=2))]
         if folder:
-            saves += [told.save, partial(folder.finish, kept, plain(render(kept)))]
+            saves += [
+                partial(folder.add_faults, told.flown.by_hand),
+                told.save,
+                partial(folder.finish, kept, plain(render(kept))),
+            ]
         return [error for save in saves if (error := _try(save))]
 
     with ExitStack() as asking:
@@ -118,7 +127,7 @@ def fly_once(
                         view,
                         folder,
                         lambda flown: keep(Told(flown)),
-                        window or Nobody(),
+                        window,
                     )
                 )
         except KeyboardInterrupt:
@@ -147,8 +156,9 @@ def _served(mode: str, asked: FlightOptions, view: View) -> "Iterator[Window | N
     from rsc_swarm.watch.site import Asked, served
 
     # A simulation is over in less time than a browser needs to open: it flies as fast as one can watch.
-    speed = 1.0 if mode == "simulate" and asked.clock is Clock.lockstep else None
-    with served(Asked(asked.view_host, asked.view_port, asked.open), speed) as site:
+    paced = asked.clock is Clock.lockstep
+    speed = 1.0 if mode == "simulate" and paced else None
+    with served(Asked(asked.view_host, asked.view_port, asked.open), speed, paced) as site:
         view.say(f"watch it at {site.address}")
         yield site.window
 

@@ -30,8 +30,8 @@ from world.outlets.recorder import Recorder
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
 from world.server.link import WorldLink
-from world.server.ports import NoControl
-from world.server.session import Clock, ServerError, WorldServer
+from world.server.ports import NoControl, ServerError
+from world.server.session import Clock, WorldServer
 
 
 class Watching(NamedTuple):

@@ -33,6 +33,7 @@ KINDS = {
     "recover": "a drone has all of its acceleration again",
     "part": "the radio is parted into groups that do not hear each other",
     "heal": "all hear each other again",
+    "loss": "the radio loses another share of frames from now on",
     "lost": "a drone is out of the air without the mission's doing: struck off, or landed by its failsafe",
     "swap": "two drones exchange their slots",
     "takeover": "a drone takes a slot that another does not hold any more",
@@ -165,6 +166,9 @@ class _Told:
             )
         elif fault.kind == "heal":
             yield self._event(fault.at_tick, "heal", (), "all hear each other again", why, False)
+        elif fault.kind == "loss":
+            text = f"the radio loses {100 * (fault.loss or 0):g} % of frames from now on"
+            yield self._event(fault.at_tick, "loss", (), text, why, False)
         else:
             text = {
                 "kill": "dies",

@@ -51,7 +51,7 @@ def fly(
     Raises:
         world.field.FieldError, agent.policy.PolicyError: as Simulation.
     """
-    simulation = Simulation([mission])
+    simulation = Simulation([mission], watched=onlooker is not None)
     core, director = simulation.world, simulation.director
     wrong: PolicyError | None = None
     with _leave_even_a_policy() as leave:

@@ -25,6 +25,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission, mission_yaml
+from protocols.mission.fault import Fault
 from protocols.mission.policy_name import file_of, named_by
 from protocols.whole_file import WriteError, write_whole
 from rsc_swarm.flight.events import End, events_of, json_lines
@@ -61,6 +62,7 @@ class RunDir:
         self.trajectory = path / "trajectory.npz"
         self.events = path / "events.jsonl"
         self.logs = path / "logs"
+        self._mission: Mission | None = None  # as it was written down
         self._locked: weakref.finalize[Any, Any] | None = None
 
     def begin(self, mission: Mission, policy_files: Sequence[Path] = (), overwrite: bool = False) -> None:
@@ -98,6 +100,7 @@ class RunDir:
                 copied = named_by(mission.policy, self.policy.relative_to(self.path) / Path(named).name)
                 mission = mission.model_copy(update={"policy": copied})
             write_whole(self.mission, _MARK + mission_yaml(mission))
+            self._mission = mission
             for name, content in copies.items():
                 (self.policy / name).parent.mkdir(parents=True, exist_ok=True)
                 write_whole(self.policy / name, content)
@@ -121,6 +124,16 @@ class RunDir:
                 f"--run-dir {self.path}: another run writes there; give a new directory, or wait for its end"
             ) from None
         self._locked = weakref.finalize(self, os.close, folder)
+
+    def add_faults(self, faults: Sequence[Fault]) -> None:
+        """Write down what hands did while the mission was flown: with it, it flies so again.
+
+        Raises:
+            protocols.whole_file.WriteError: it cannot be written.
+        """
+        if faults and self._mission:
+            flown = self._mission.model_copy(update={"faults": (*self._mission.faults, *faults)})
+            write_whole(self.mission, _MARK + mission_yaml(flown))
 
     def save_path(self, path: Trajectory, mission: Mission, end: End) -> None:
         """Write every drone's path, and what happened on it.

@@ -26,10 +26,17 @@ ROWS = 150  # drones in step: more would be no faster, and flights would end in 
 class Simulation:
     """E worlds of N drones, all in step: the swarm of `world.director.Director` whose drones are rows of one AgentCore."""
 
-    def __init__(self, missions: Sequence[Mission], rehearsal: bool = False, telling: bool = False) -> None:
+    def __init__(
+        self,
+        missions: Sequence[Mission],
+        rehearsal: bool = False,
+        telling: bool = False,
+        watched: bool = False,
+    ) -> None:
         """Make the worlds and the drones; for a ``rehearsal``, in a process that will fork, they open nothing.
 
         Args:
+            watched: as WorldCore.
             telling: every drone gives an account of itself now and then, for a whole report of each flight. In several worlds
                 they else tell only what the invariants must know.
 
@@ -37,7 +44,7 @@ class Simulation:
             world.field.FieldError, agent.policy.PolicyError: as WorldCore and AgentCore.
         """
         self.mission = missions[0]
-        self.world = WorldCore(missions)
+        self.world = WorldCore(missions, watched)
         worlds, agents = self.world.shape
         self._rows, self._telling = worlds * agents, telling or worlds == 1
         self._air = Air(self.mission.swarm, agents, self.world.ring * self._rows)

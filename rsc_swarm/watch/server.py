@@ -6,6 +6,7 @@ reads again it is given what it missed, thinned (rsc_swarm.watch.recording). It 
 
 import asyncio
 import json
+import secrets
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -44,6 +45,14 @@ class Shown:
         self.over = False
         self._end = end
         self._waiting: set[asyncio.Event] = set()
+
+    def tell_flight(self, hand: bytes) -> bool:
+        """Hand on what a hand wants; False if the flight does not listen."""
+        try:
+            self._end.send(hand)
+        except OSError:
+            return False
+        return not self.over
 
     def take(self) -> None:
         """Take in whatever the flight says now."""
@@ -98,8 +107,8 @@ def _same_origin(headers: Headers) -> bool:
     return origin is None or origin.split("://")[-1] == headers.get("host")
 
 
-def application(shown: Shown, hosts: list[str]) -> Starlette:
-    """The page, its stream at ``/live``. hosts: by which names it may be asked for."""
+def application(shown: Shown, hosts: list[str], token: str) -> Starlette:
+    """The page, its stream at ``/live``. hosts: by which names it may be asked for. token: who knows it may lay hands on."""
 
     async def index(request: Request) -> Response:
         page = files("rsc_swarm.watch").joinpath("page/index.html").read_bytes()
@@ -111,7 +120,7 @@ def application(shown: Shown, hosts: list[str]) -> Starlette:
             return
         await page.accept()
         feeding = asyncio.ensure_future(_feed(page, shown))
-        listening = asyncio.ensure_future(_listen(page))
+        listening = asyncio.ensure_future(_listen(page, shown, token))
         await asyncio.wait((feeding, listening), return_when=asyncio.FIRST_COMPLETED)
         for task in (feeding, listening):
             task.cancel()
@@ -128,10 +137,19 @@ def application(shown: Shown, hosts: list[str]) -> Starlette:
     )
 
 
-async def _listen(page: WebSocket) -> None:
-    with suppress(WebSocketDisconnect):
+async def _listen(page: WebSocket, shown: Shown, token: str) -> None:
+    """Take in what a page says: first the token, if it has it, then what its hands want."""
+    may = False
+    with suppress(WebSocketDisconnect, RuntimeError):
         while True:
-            await page.receive_text()
+            said = (await page.receive_text()).encode()
+            if not may:
+                may = secrets.compare_digest(said, token.encode())
+                await page.send_text(json.dumps({"kind": "you", "hands": may}))
+            elif not shown.tell_flight(said):
+                await page.send_text(
+                    json.dumps({"kind": "refused", "text": "the flight does not listen any more"})
+                )
 
 
 class _Server(uvicorn.Server):
@@ -141,16 +159,16 @@ class _Server(uvicorn.Server):
         yield
 
 
-def serve(listener: socket.socket, end: socket.socket, hosts: list[str]) -> None:
-    """Serve until the flight's window is closed. listener: bound, not yet listening; end: the other end of the window."""
-    asyncio.run(_serve(listener, end, hosts))
+def serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str) -> None:
+    """Serve until the flight's window is closed. listener: it listens already; end: the other end of the window."""
+    asyncio.run(_serve(listener, end, hosts, token))
 
 
-async def _serve(listener: socket.socket, end: socket.socket, hosts: list[str]) -> None:
+async def _serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str) -> None:
     end.setblocking(False)
     shown, loop = Shown(end), asyncio.get_running_loop()
     config = uvicorn.Config(
-        application(shown, hosts), log_config=None, access_log=False, lifespan="off", ws="websockets-sansio",
+        application(shown, hosts, token), log_config=None, access_log=False, lifespan="off", ws="websockets-sansio",
         ws_max_size=1 << 16, ws_per_message_deflate=False, timeout_graceful_shutdown=1, server_header=False,
     )  # fmt: skip
     server = _Server(config)

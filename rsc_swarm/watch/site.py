@@ -16,6 +16,7 @@ from pathlib import Path
 
 from protocols.errors import SwarmError
 from rsc_swarm.flight.processes import Supervisor
+from rsc_swarm.watch.hands import Pace
 from rsc_swarm.watch.window import Window
 
 USUAL_PORT = 8750
@@ -46,8 +47,8 @@ class Site:
 
 
 @contextmanager
-def served(asked: Asked, speed: float | None = None) -> Iterator[Site]:
-    """Serve a page within the block, in a process of its own; then see it off. ``speed``: as Window.
+def served(asked: Asked, speed: float | None = None, paced: bool = True) -> Iterator[Site]:
+    """Serve a page within the block, in a process of its own; then see it off. ``speed``: at first; ``paced``: as Window.
 
     Raises:
         ViewError: what it needs is not installed, or the address cannot be had.
@@ -60,21 +61,26 @@ def served(asked: Asked, speed: float | None = None) -> Iterator[Site]:
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM_BYTES)
     host, port = listener.getsockname()[:2]
     named = f"[{host}]" if ":" in host else host
-    address = f"http://{named}:{port}/#{secrets.token_urlsafe(12)}"
+    token = secrets.token_urlsafe(12)
+    address = f"http://{named}:{port}/#{token}"
     with ours, Supervisor() as supervisor, _opened(address, asked.open_browser):
-        supervisor.start("view", _serve, listener, theirs, ours, _hosts(host))
+        supervisor.start("view", _serve, listener, theirs, ours, _hosts(host), token)
         listener.close()
         theirs.close()
-        yield Site(address, Window(ours, speed))
+        window = Window(ours, Pace(speed), paced)
+        yield Site(address, window)
+        window.see_off(_LEAVE_S)
         ours.shutdown(socket.SHUT_RDWR)  # drones may still hold it
         supervisor.wait(_LEAVE_S)
 
 
-def _serve(listener: socket.socket, end: socket.socket, flights: socket.socket, hosts: list[str]) -> None:
+def _serve(
+    listener: socket.socket, end: socket.socket, flights: socket.socket, hosts: list[str], token: str
+) -> None:
     flights.close()
     from rsc_swarm.watch.server import serve
 
-    serve(listener, end, hosts)
+    serve(listener, end, hosts, token)
 
 
 def _listen(asked: Asked) -> socket.socket:

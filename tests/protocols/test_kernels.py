@@ -53,8 +53,8 @@ TRACK = (
     "print(track_row(1, Plan(np.zeros(4), 0 * plan, plan), (0.0, 0.0), (0.0, 0.0), False)[0])"
 )
 LOSE = (
-    "from world.medium.medium import Link, dropped_by; link = Link(6.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0); "
-    "print(*(dropped_by(link, 3, 1, 2, tick, True, False) for tick in range(40)))"
+    "from world.medium.medium import dropped_by; "
+    "print(*(dropped_by(0.5, 3, 1, 2, tick, True, False) for tick in range(40)))"
 )
 
 

@@ -1,8 +1,12 @@
 """Faults a mission asks for: done to real processes, they make the flight that the simulation makes."""
 
+import json
+import subprocess
+import sys
 from typing import Any
 
-from tests.scenarios.flights import Fields, launched, whole
+from tests.rsc_swarm.watch.test_hands import HANDS
+from tests.scenarios.flights import ROOT, Fields, launched, whole
 from tests.scenarios.test_twins import reported, simulated
 
 TASK: Fields = {
@@ -28,6 +32,7 @@ FAULTS: dict[str, list[Fields]] = {
     "restarted-when-its-leader-is-dead": [fault(1, "kill", slots=[1]), fault(1.2, "restart", slots=[0])],
     "restarted-twice": [fault(1, "restart", agents=[1]), fault(2, "restart", agents=[1])],
     "part-and-heal": [fault(0.3, "part", groups=[[0, 1, 2], [3, 4, 5]]), fault(2.5, "heal")],
+    "loss-and-none": [fault(0.5, "loss", loss=0.8), fault(1.5, "loss", loss=0.0)],
     "slow-and-recover": [fault(0, "slow", slots=[4], factor=0.5), fault(2, "recover", slots=[4])],
     "thaw-of-the-dead": [
         fault(0.5, "freeze", agents=[0]),
@@ -67,3 +72,26 @@ def test_faults_in_a_scrambled_swarm_fly_in_processes_as_in_one() -> None:
     (flight,) = launched(task)
     assert flight["outcome"] == simulated(task)
     assert whole(flight["report"]) == reported(task)
+
+
+_FLY_BY_HAND = """
+import dataclasses, json, sys
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.launch import launch
+from rsc_swarm.flight.world_process import Inside
+from tests.rsc_swarm.watch.handed import Handed
+
+task, hands = json.loads(sys.argv[1])
+flown = launch(parse_mission(task), inside=Inside(onlooker=Handed({int(at): fault for at, fault in hands.items()}))).whole()
+print(json.dumps([dataclasses.asdict(flown.outcome), [fault.model_dump(mode="json") for fault in flown.by_hand]]))
+"""
+
+
+def test_what_hands_do_to_real_processes_is_the_flight_of_a_mission_with_these_faults() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", _FLY_BY_HAND, json.dumps([TASK, HANDS])], cwd=ROOT, capture_output=True, text=True, timeout=200
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    outcome, by_hand = json.loads(run.stdout)
+    assert [fault["kind"] for fault in by_hand] == [fault["kind"] for fault in HANDS.values()]
+    assert outcome == simulated({**TASK, "faults": by_hand})

@@ -33,6 +33,8 @@ class Air:
         self.seeds = np.array([task.seed], np.int64)
         self.position = (square(agents) if position is None else np.asarray(position, np.float64))[None]
         self.group = np.zeros((1, agents), np.int16)
+        self.loss = np.array([task.radio.loss])
+        self.fates = np.full((1, agents, agents, len(medium.FATES)), medium.LONG_AGO, np.int32)
         self.alive = np.ones((1, agents), np.bool_)
         self.tally = np.zeros((1, len(medium.TALLY)), np.int64)
         self.bad = np.zeros((1, agents, agents), np.bool_)
@@ -46,6 +48,10 @@ class Air:
         self.heard: list[Frame] = []
         self.spells: list[NDArray[np.bool_]] = []
         self.tick = 0
+
+    def air(self) -> medium.Air:
+        sent = np.full(self.alive.shape, 100, np.int64)
+        return medium.Air(self.alive, self.group, self.loss, self.position, sent, self.fates)
 
     def fly(self, ticks: int) -> "Air":
         agents = self.alive.shape[1]
@@ -61,7 +67,7 @@ class Air:
                 self.heard += [(sent, source, agent, self.tick) for source, sent in mine]
             medium.relay(
                 self.link, medium.Clocks(self.seeds, now, self.active),
-                medium.Air(self.alive, self.group, self.position, np.full((1, agents), 100, np.int64)),
+                self.air(),
                 self.bad, self.queue, self.tally,
             )  # fmt: skip
             self.spells.append(self.bad[0].copy())
@@ -272,6 +278,19 @@ def test_a_frames_luck_does_not_depend_on_who_else_sends() -> None:
     assert len(pair) > 100
 
 
+def test_who_looks_on_sees_what_became_of_frames_on_each_link() -> None:
+    air = Air(mission(3, loss=0.5, reorder=0.3), np.array([[0, 0], [5, 0], [10, 0]])).fly(40)
+    carried, lost, delayed = (air.fates[0, :, :, fate] for fate in medium.FATES)
+    assert (air.fates[0, 0, 2] == medium.LONG_AGO).all(), "out of range"
+    assert (lost[[0, 1, 1, 2], [1, 0, 2, 1]] > 20).all()
+    for source, destination in ((0, 1), (1, 0), (1, 2), (2, 1)):
+        lags = {sent: at - sent for sent, a, b, at in air.heard if (a, b) == (source, destination)}
+        under_way = range(34, 40)
+        assert lags.get(carried[source, destination]) == 1 or carried[source, destination] in under_way
+        assert lags.get(delayed[source, destination], 0) > 1 or delayed[source, destination] in under_way
+        assert lost[source, destination] not in lags
+
+
 def test_draws_do_not_depend_on_the_order_in_which_they_are_asked() -> None:
     link = medium.link_of(mission(4, loss=0.5, jitter_ms=50, duplicate=0.5, reorder=0.5))
     questions = [(a, b, tick) for a in range(4) for b in range(4) for tick in range(20)]
@@ -281,7 +300,7 @@ def test_draws_do_not_depend_on_the_order_in_which_they_are_asked() -> None:
     ) -> dict[tuple[int, int, int], tuple[int, tuple[int, bool], int]]:
         return {
             (a, b, tick): (
-                medium.dropped_by(link, 5, a, b, tick, True, False),
+                medium.dropped_by(0.5, 5, a, b, tick, True, False),
                 medium.ticks_under_way(link, 5, a, b, tick),
                 medium.copy_lag(link, 5, a, b, tick),
             )

@@ -10,8 +10,8 @@ from rsc_swarm.flight.simulate import simulate
 from tests.loopback import Loopback, fly
 from tests.world.served import mission
 from world.server import peer
-from world.server.ports import Lost
-from world.server.session import ServerError, WorldServer
+from world.server.ports import Lost, ServerError
+from world.server.session import WorldServer
 
 
 def test_drones_that_exchange_bytes_fly_the_flight_of_drones_that_share_rows() -> None:

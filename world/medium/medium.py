@@ -43,16 +43,18 @@ from world.medium import chance
 TALLY = ("sent", "sent_bytes", "delivered", "delivered_bytes", "out_of_range", "partition", "burst", "loss", "to_nobody",
          "held_back", "doubled")  # fmt: skip
 
+FATES = CARRIED, LOST, DELAYED = range(3)
+LONG_AGO = -(1 << 30)  # no frame yet
+
 MAX_FANOUT = 48  # receivers one frame is queued for, and twice that with duplicates
 _HOLD_MIN, _HOLD_SPAN = 2, 4  # a reordered frame waits 2 to 5 ticks more
 _COPY_SPAN = 3  # a duplicate comes 1 to 3 ticks after the first
 
 
 class Link(NamedTuple):
-    """The link rules of a mission in ticks and probabilities."""
+    """The link rules of a mission in ticks and probabilities, but for the loss, which faults change (`Air`)."""
 
     range_m: float
-    loss: float
     burst_enter: float  # probability per tick to go from good to bad
     burst_leave: float  # and back
     delay: float  # ticks
@@ -75,7 +77,6 @@ def link_of(mission: Mission) -> Link:
     per_tick = 0.001 / TICK_S
     return Link(
         radio.range_m,
-        radio.loss,
         enter,
         leave,
         radio.delay_ms * per_tick,
@@ -87,14 +88,14 @@ def link_of(mission: Mission) -> Link:
 
 @kernel
 def dropped_by(
-    link: Link, seed: int, source: int, destination: int, tick: int, same_group: bool, bad: bool
+    loss: float, seed: int, source: int, destination: int, tick: int, same_group: bool, bad: bool
 ) -> int:
     """The tally column of the rule that loses this frame, or 0 if none does."""
     if not same_group:
         return PARTITION
     if bad:
         return BURST
-    if link.loss > 0 and chance.uniform(seed, chance.LOSS, source, destination, tick) < link.loss:
+    if loss > 0 and chance.uniform(seed, chance.LOSS, source, destination, tick) < loss:
         return LOSS
     return 0
 
@@ -180,13 +181,17 @@ class Clocks(NamedTuple):
 class Air(NamedTuple):
     """Who is where on the air.
 
-    alive, group: (E, N). position: (E, N, 2) metres. sent_bytes: (E, N) size of this tick's frame, 0 for none.
+    alive, group: (E, N). loss: (E,) share of frames lost independently. position: (E, N, 2) metres. sent_bytes: (E, N) size of
+    this tick's frame, 0 for none. fates: (E, N, N, 3) for who looks on, updated: the tick of the last frame from source to
+    destination that was carried, lost or delayed, per `FATES`; of nobody (E, 0, 0, 3) where nobody does.
     """
 
     alive: NDArray[np.bool_]
     group: NDArray[np.int16]
+    loss: NDArray[np.float64]
     position: NDArray[np.float64]
     sent_bytes: NDArray[np.int64]
+    fates: NDArray[np.int32]
 
 
 @kernel
@@ -198,8 +203,9 @@ def relay(
     Args:
         bad: (E, N, N) channel states, updated. queue, tally (E, 11): updated.
     """
-    alive, group, position, sent_bytes = air.alive, air.group, air.position, air.sent_bytes
+    alive, group, position, sent_bytes, fates = air.alive, air.group, air.position, air.sent_bytes, air.fates
     worlds, agents = alive.shape
+    watched = fates.shape[1] > 0
     reach = link.range_m * link.range_m
     for world in range(worlds):
         if not clocks.active[world]:
@@ -223,12 +229,22 @@ def relay(
                     continue
                 same_group = group[world, source] == group[world, destination]
                 rule = dropped_by(
-                    link, seed, source, destination, tick, same_group, bad[world, source, destination]
+                    air.loss[world],
+                    seed,
+                    source,
+                    destination,
+                    tick,
+                    same_group,
+                    bad[world, source, destination],
                 )
                 if rule > 0:
                     tally[world, rule] += 1
+                    if watched:
+                        fates[world, source, destination, LOST] = tick
                     continue
                 lag, held_back = ticks_under_way(link, seed, source, destination, tick)
+                if watched:
+                    fates[world, source, destination, CARRIED if lag == 1 else DELAYED] = tick
                 _enqueue(queue, world, tick + lag, destination, source, tick)
                 tally[world, HELD_BACK] += held_back
                 lag_of_copy = copy_lag(link, seed, source, destination, tick)

@@ -6,6 +6,8 @@ A picture goes as bytes, which a browser reads as they stand: little-endian, blo
     head                JSON, padded with spaces to a multiple of 4
     float32 (N, 11)     a drone each, the columns `COLUMNS`
     int16 (B, 3)        beliefs that differ from what is so: who believes, about whom, which slot
+    int16 (L, 3)        links on which something was sent in the last 0.2 s: from, to, and a bit for each fate of a frame there:
+                        1 carried, 2 lost, 4 delayed (world.medium.medium.FATES)
 """
 
 import json
@@ -38,19 +40,22 @@ COLUMNS = (
 LOST, FROZEN, FLYING = range(3)  #: states
 _FARTHEST_M = 1e6  # in place of infinity
 _MOST_BELIEFS = 10_000  # of a swarm that is at odds; more would say no more
+_RECENT_TICKS = 20
 
 
 @dataclass(frozen=True)
 class Picture:
     """One moment of one flight.
 
-    drones: (N, 11) float32, per `COLUMNS`. beliefs: (B, 3) int16, who, about whom, which slot. frames, swaps: counts so far.
+    drones: (N, 11) float32, per `COLUMNS`. beliefs: (B, 3) int16, who, about whom, which slot. links: (L, 3) int16, from, to,
+    fates. frames, swaps: counts so far.
     """
 
     tick: int
     real_time_factor: float
     drones: NDArray[np.float32]
     beliefs: NDArray[np.int16]
+    links: NDArray[np.int16]
     frames: Mapping[str, int]
     swaps: Mapping[str, int]
 
@@ -61,6 +66,7 @@ class Picture:
             "factor": round(self.real_time_factor, 3),
             "drones": len(self.drones),
             "beliefs": len(self.beliefs),
+            "links": len(self.links),
             "frames": dict(self.frames),
             "swaps": dict(self.swaps),
         }
@@ -72,6 +78,7 @@ class Picture:
                 text,
                 self.drones.astype("<f4").tobytes(),
                 self.beliefs.astype("<i2").tobytes(),
+                self.links.astype("<i2").tobytes(),
             )
         )
 
@@ -125,6 +132,7 @@ def picture(
         real_time_factor,
         drones,
         _beliefs(core.claim[world], flying, statuses),
+        _links(core.fates[world], int(core.tick[world])),
         dict(zip(TALLY, core.tally[world].tolist(), strict=True)),
         {
             name: sum(status.swaps[index] for status in statuses.values())
@@ -145,3 +153,10 @@ def _beliefs(
     )
     row, about = np.nonzero((views != claim) & flying)
     return np.stack([who[row], about, views[row, about]], axis=1)[:_MOST_BELIEFS].astype(np.int16)
+
+
+def _links(fates: NDArray[np.int32], tick: int) -> NDArray[np.int16]:
+    """What became lately of the frames on each link; fates: (N, N, 3), or of nobody where they are not watched."""
+    bits = (fates >= tick - _RECENT_TICKS) @ (1 << np.arange(fates.shape[2]))
+    source, destination = np.nonzero(bits)
+    return np.stack([source, destination, bits[source, destination]], axis=1).astype(np.int16)

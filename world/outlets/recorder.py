@@ -42,6 +42,7 @@ class Recorder:
             self._position, self._velocity = _double(self._position), _double(self._velocity)
             self._slot, self._flying = _double(self._slot), _double(self._flying)
         row, world = self.rows, self._world
+        self.mission = core.missions[world]  # hands may have been laid on it
         self.mission = core.missions[world]
         self._position[row], self._velocity[row] = core.position[world], core.velocity[world]
         self._slot[row], self._flying[row] = core.claim[world], core.flying[world]

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+from protocols.errors import BrokenError
 from world.outlets.snapshot import Snapshot
 
 
@@ -29,6 +30,10 @@ class Lost(NamedTuple):
 
     agent: int
     why: str
+
+
+class ServerError(BrokenError, RuntimeError):
+    """The run broke; one line says why."""
 
 
 STRUCK_OFF = "struck off"

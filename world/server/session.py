@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 
 from protocols.dynamics import TICK_S
-from protocols.errors import BrokenError
 from protocols.mission.document import Mission
 from protocols.wire import messages
 from protocols.wire.status import AgentStatus
@@ -32,7 +31,7 @@ from world.outlets.onlooker import Nobody, Onlooker
 from world.outlets.snapshot import snapshot
 from world.server.patience import Patience
 from world.server.peer import FLOODS, Peer
-from world.server.ports import STRUCK_OFF, Control, Link, Lost
+from world.server.ports import STRUCK_OFF, Control, Link, Lost, ServerError
 from world.server.questions import Questions
 from world.server.reception import Reception
 from world.server.running_time import RunningTime
@@ -42,10 +41,6 @@ Clock = Literal["lockstep", "realtime"]
 _FAREWELL_S, _HASTY_FAREWELL_S = 5.0, 0.5
 _SNAPSHOT_S = 0.125
 _MOST_A_TICK = 4096  # messages that are read at the end of a tick in real time
-
-
-class ServerError(BrokenError, RuntimeError):
-    """The run broke; one line says why."""
 
 
 class WorldServer:
@@ -70,7 +65,7 @@ class WorldServer:
         self._record = record or (lambda core: None)
         self._join_s = join_s
         self._onlooker = onlooker or Nobody()
-        self.core = WorldCore([mission])
+        self.core = WorldCore([mission], watched=onlooker is not None)
         self.director = Director(self.core, self)
         agents = mission.agents
         self.peers = [Peer() for _ in range(agents)]
@@ -108,8 +103,7 @@ class WorldServer:
             self.director.tick()
             if core.tick[0] > self._now:  # else it was broken off before it was flown
                 self._record(core)
-            now = time.perf_counter() - self._began
-            if now - shown > _SNAPSHOT_S or not core.active[0]:
+            if (now := time.perf_counter() - self._began) - shown > _SNAPSHOT_S or not core.active[0]:
                 shown = now
                 factor = core.tick[0] * TICK_S / now
                 self._control.show(snapshot(core, self.director.statuses, factor, self._failsafe.misses))
@@ -119,13 +113,9 @@ class WorldServer:
     def _look_on(self) -> None:
         """Let the onlooker look, and wait as long as it wants: such waiting is no time of the flight."""
         while (wait_s := self._onlooker.attend(self.director)) > 0 and not self._control.leaving():
-            before, began = self._time.now(), time.perf_counter()
-            while (left := before + wait_s - self._time.now()) > 0:
-                self._receive(left)
-            if (now := self._time.now()) >= self._look_at:
-                self._look(now)
-            self._started += now - before
-            self._began += time.perf_counter() - began
+            self._receive_until(self._time.now() + wait_s)
+            self._started += wait_s
+            self._began += wait_s
 
     def flown(self) -> Flown:
         """What came of the flight, or would if it were interrupted now."""
@@ -205,8 +195,7 @@ class WorldServer:
         written = self._questions.write(tick, proof, asked, [peer.answered for peer in peers])
         for agent in awake:
             peer, message = peers[agent], written[agent]
-            piped = self._clock == "lockstep" or not self._link.cast(agent, message)
-            if piped:
+            if piped := self._clock == "lockstep" or not self._link.cast(agent, message):
                 if peer.backlogged or not peer.room(len(message)):
                     continue
                 self._link.send(agent, message)
@@ -247,15 +236,11 @@ class WorldServer:
 
     def _keep_time(self, awake: list[int], tick: int) -> bool:
         """Receive until the clock says that the tick is over; who has not answered lately has its failsafe. As `_await`."""
-        deadline = self._started + (tick + 1) * TICK_S
-        while (left := deadline - self._time.now()) > 0:
-            self._receive(left)
+        self._receive_until(self._started + (tick + 1) * TICK_S)
         for _ in range(_MOST_A_TICK):  # what came in the meantime, but no flood
             if (received := self._link.receive(0)) is None:
                 break
             self._take(*received)
-        if (now := self._time.now()) >= self._look_at:
-            self._look(now)
         answered = np.array([peer.answered for peer in self.peers])
         core, watch = self.core, self._failsafe
         for agent in watch.replace_old(tick, answered, core.rows_awake, core.velocity[0], self._said.command):
@@ -281,8 +266,7 @@ class WorldServer:
                 self._reception.send(agent, messages.Wait())
 
     def _check_lost(self) -> None:
-        lost = [lost for lost in self._control.lost() if self.core.flying[0, lost.agent]]
-        if lost:
+        if lost := [lost for lost in self._control.lost() if self.core.flying[0, lost.agent]]:
             self._lose(*lost)
 
     def _lose(self, *lost: Lost) -> None:
@@ -299,6 +283,13 @@ class WorldServer:
             self.director.strike_off(agent, why)
 
     # What the drones say.
+
+    def _receive_until(self, deadline: float) -> None:
+        """Take in messages until then, by running time, and look around."""
+        while (left := deadline - self._time.now()) > 0:
+            self._receive(left)
+        if (now := self._time.now()) >= self._look_at:
+            self._look(now)
 
     def _receive(self, timeout_s: float) -> int | None:
         """Take in one message; return its sender, or None if none came in time or it was none of a drone of this flight."""
@@ -323,8 +314,7 @@ class WorldServer:
         if message.process != peer.process:
             self._reception.refuse(agent, message.process)
             return None
-        rival = peer.heard()
-        if rival is not None:
+        if (rival := peer.heard()) is not None:
             self._reception.refuse(agent, rival)
         if isinstance(message, messages.Reply):
             if answers:
@@ -350,9 +340,8 @@ class WorldServer:
             self.director.invariants[0].renew(agent)
 
     def _take_ready(self, agent: int, peer: Peer) -> None:
-        """This drone is there, and has read what it was sent: a Tick that it has not answered was lost, or its answer was. In
-        lockstep it is asked again; in real time the next one will do.
-        """
+        """This drone is there, and has read what it was sent: a Tick without an answer was lost, or its answer was. In lockstep
+        it is asked again; in real time the next one will do."""
         peer.arrive()
         if self._clock == "realtime":
             if peer.backlogged:

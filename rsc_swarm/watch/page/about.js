@@ -4,7 +4,7 @@ import { colours } from "./field.js";
 import { make } from "./panel.js";
 import { glyph } from "./timeline.js";
 
-const line = (colour, more = "") => `<line x1="1" y1="8" x2="29" y2="8" stroke="var(--${colour})" stroke-width="3" ${more}/>`;
+const line = (colour, more = "") => `<line x1="1" y1="8" x2="29" y2="8" stroke="var(--${colour})" ${more.includes("width") ? "" : 'stroke-width="3"'} ${more}/>`;
 const LEGEND = [
   ['<path d="m9 2 13 6-13 6 3-6z" fill="var(--drone)"/>', "drone: number, slot, where it heads"],
   [line("good"), "edge of the formation: length right"],
@@ -14,12 +14,15 @@ const LEGEND = [
   [line("bad"), "off by more than allowed"],
   ['<path d="M9 8h12M15 2v12" stroke="var(--soft)" stroke-width="1.5"/>', "where a slot is to be now"],
   ['<circle cx="15" cy="8" r="6" fill="var(--obstacle)"/><circle cx="15" cy="8" r="7.5" fill="none" stroke="var(--bad)" stroke-dasharray="2 2"/>', "obstacle; inside the ring is a collision"],
+  [line("carried", 'opacity=".4" stroke-width="5"'), "radio, last 0.2 s: heard"],
+  [line("missed", 'stroke-dasharray="4 4"'), "radio: a frame was lost"],
+  [line("delayed", 'stroke-dasharray="2 4"'), "radio: a frame came late"],
 ];
 
 const KEYS = [
   ["space", "pause, go on"], ["← →", "a little back, forth (Shift: 1 s)"], ["Home End", "the beginning, the newest moment"], ["+ −", "zoom; the wheel does it too"],
   ["f  c", "the whole field; stay with the swarm"], ["drag", "move the field"], ["click, Shift+click", "choose a drone, choose several"], ["Esc", "choose nobody"],
-  ["1 … 5", "trails, edges, places, numbers, links on and off"], ["d  l", "dark, light; legend on and off"], ["?", "this"],
+  ["k z t r", "kill, freeze, thaw, restart the chosen drones, if you may"], ["1 … 5", "trails, edges, places, numbers, links on and off"], ["d  l", "dark, light; legend on and off"], ["?", "this"],
 ];
 
 const MARKS = [

@@ -1,6 +1,6 @@
 // The field from above. Metres: x forward is to the right, y left is up.
 
-import { COLUMNS, EDGE, FROZEN, LOST, SLOT, STATE, VX, VY, X, Y, tree } from "./recording.js";
+import { CARRIED, COLUMNS, DELAYED, EDGE, FROZEN, LOST, MISSED, SLOT, STATE, VX, VY, X, Y, tree } from "./recording.js";
 
 const TRAIL_S = 3, TRAIL_POINTS = 24;
 
@@ -87,6 +87,7 @@ export function draw(canvas, camera, recording, moment, shown, chosen) {
   if (!moment) return;
   if (shown.places) places(c, camera, ink, scene, moment);
   if (shown.trails) trails(c, camera, ink, recording, moment);
+  if (shown.links) links(c, camera, ink, moment, chosen);
   if (shown.edges) edges(c, camera, ink, scene, moment);
   drones(c, camera, ink, moment, shown, chosen);
 }
@@ -162,6 +163,27 @@ function trails(c, camera, ink, recording, moment) {
     c.stroke();
   }
   c.globalAlpha = 1;
+}
+
+/** What became of frames in the last 0.2 s: of each link the half at its sender. Of chosen drones only what they hear. */
+function links(c, camera, ink, moment, chosen) {
+  const halves = { carried: [], delayed: [], missed: [] }, { links, drones } = moment;
+  for (let at = 0; at < links.length; at += 3) {
+    const a = links[at] * COLUMNS, b = links[at + 1] * COLUMNS, fates = links[at + 2];
+    if (chosen.size && !chosen.has(links[at + 1])) continue;
+    const half = [camera.sx(drones[a + X]), camera.sy(drones[a + Y]),
+      camera.sx((drones[a + X] + drones[b + X]) / 2), camera.sy((drones[a + Y] + drones[b + Y]) / 2)];
+    if (fates & CARRIED) halves.carried.push(half);
+    if (fates & DELAYED) halves.delayed.push(half);
+    if (fates & MISSED) halves.missed.push(half);
+  }
+  for (const [kind, width, alpha, dash] of [["carried", 5, 0.22, []], ["delayed", 2, 0.8, [2, 5]], ["missed", 2, 0.85, [5, 5]]]) {
+    c.strokeStyle = ink[kind]; c.lineWidth = Math.max(1, Math.min(width, camera.scale * 0.3)); c.globalAlpha = alpha; c.setLineDash(dash);
+    c.beginPath();
+    for (const [x, y, mx, my] of halves[kind]) { c.moveTo(x, y); c.lineTo(mx, my); }
+    c.stroke();
+  }
+  c.globalAlpha = 1; c.setLineDash([]);
 }
 
 function edges(c, camera, ink, scene, moment) {

@@ -2,6 +2,7 @@
 
 import { about, legend } from "./about.js";
 import { Camera, draw, droneAt } from "./field.js";
+import { Hands, told as toldOf } from "./hands.js";
 import { Marks } from "./marks.js";
 import { Panel } from "./panel.js";
 import { Recording } from "./recording.js";
@@ -15,16 +16,17 @@ const recording = new Recording(), camera = new Camera(), chosen = new Set();
 const shown = { trails: true, edges: true, places: true, numbers: true, slots: true, links: true };
 const play = { time: 0, on: true, live: true, speed: 1, rate: 1 };
 const arrivals = []; // when pictures came, and up to which time of the flight, over the last second
-let marks = null, connected = false, drawn = 0;
+let marks = null, socket = null, connected = false, drawn = 0, noteUntil = 0;
 
 const panel = new Panel($("panel"), go, choose);
+const hands = new Hands($("hands"), (word) => socket.send(JSON.stringify(word)));
 const timeline = new Timeline($("timeline"), go);
 window.page = { recording, camera, chosen, play, frames: () => drawn, marks: () => marks?.all ?? [] }; // for tests, and the curious
 
 function connect() {
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { connected = true; };
+  socket.onopen = () => { connected = true; if (location.hash.length > 1) socket.send(location.hash.slice(1)); };
   socket.onmessage = ({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : see(data));
   socket.onclose = () => { connected = false; recording.over = true; };
 }
@@ -35,11 +37,28 @@ function hear(word) {
     marks = new Marks(word.scene);
     const { name, agents, policy, map, seed } = word.scene;
     $("name").textContent = document.title = `${name}`;
+    hands.did({ kind: "loss", loss: word.scene.loss });
     $("what").textContent = `${agents} drones, policy ${policy}, map ${map}, seed ${seed}`;
-  } else if (word.kind === "report") {
+  } else if (word.kind === "you") {
+    $("hands").hidden = !word.hands;
+    if (!word.hands) note("this address has another token: you can look on");
+  } else if (word.kind === "pace") hands.goes(word);
+  else if (word.kind === "hand") {
+    const text = `by hand: ${toldOf(word.fault)}`;
+    marks.add(word.fault.at_s, "end", "hand", word.fault.agents, text);
+    hands.did(word.fault);
+    note(text);
+  } else if (word.kind === "refused") note(word.text.replace(/^by hand: (faults\.\d+: )?/, ""));
+  else if (word.kind === "report") {
     recording.report = word.report;
     marks?.add(word.report.time_s, "end", word.report.success ? "success" : "failure", [], word.report.detail);
   }
+}
+
+function note(text) {
+  $("note").textContent = text;
+  $("note").classList.add("shown");
+  noteUntil = performance.now() + 4000;
 }
 
 function see(data) {
@@ -89,7 +108,7 @@ function status(moment) {
   $("factor").textContent = moment && !over ? `${moment.factor.toFixed(1)} × real time` : "";
   const looking = !play.live || over;
   const [text, kind] = report && play.time >= recording.end - 0.01 ? (report.success ? ["success", "live"] : [report.failure ?? "failed", "failed"])
-    : over && !report ? ["the flight is over", ""] : looking ? (play.on ? ["looking back", ""] : ["paused", "paused"]) : ["live", "live"];
+    : hands.pace?.paused && !over ? ["flight paused", "paused"] : over && !report ? ["the flight is over", ""] : looking ? (play.on ? ["looking back", ""] : ["paused", "paused"]) : ["live", "live"];
   if (!recording.pictures.length) $("state").textContent = connected ? "waiting for the drones" : "not connected";
   else { $("state").textContent = text; $("state").className = `pill ${kind}`; }
   $("play").textContent = play.on ? "❚❚" : "▶";
@@ -106,12 +125,14 @@ function frame(now) {
     camera.width = $("field").clientWidth; camera.height = $("field").clientHeight;
     camera.steer(recording.scene, moment, $("panel").offsetWidth + 24, $("legend").offsetHeight + 12);
     draw($("field"), camera, recording, moment, shown, chosen);
-    if (now - told > 120) {
+    if (now - told > 120 && moment) {
       told = now;
       const span = recording.over ? recording.end : Math.max(recording.scene.ticks * recording.scene.tick_s, recording.end);
       timeline.draw(marks.all, play.time, recording.end, Math.max(span, 0.5));
       panel.show(recording, moment, marks.all, chosen);
       status(moment);
+      hands.fit(recording.newest ?? moment, chosen, recording.over);
+      if (now > noteUntil) $("note").classList.remove("shown");
     }
     drawn++;
   } else if (now - told > 250) { told = now; status(null); }
@@ -127,6 +148,7 @@ const keys = {
   " ": togglePlay, Home: () => go(0), End: goLive, Escape: () => choose([]), f: () => { camera.mode = "field"; }, c: () => { camera.mode = "swarm"; },
   "+": () => camera.zoom(1.25), "=": () => camera.zoom(1.25), "-": () => camera.zoom(0.8), d: toggleTheme, l: () => { $("legend").hidden = !$("legend").hidden; }, "?": () => about($("about")),
   ArrowLeft: (event) => go(play.time - (event.shiftKey ? 1 : 0.1)), ArrowRight: (event) => go(play.time + (event.shiftKey ? 1 : 0.1)),
+  k: () => hands.act("kill"), z: () => hands.act("freeze"), t: () => hands.act("thaw"), r: () => hands.act("restart"),
   ...Object.fromEntries(LAYERS.map((layer, index) => [`${index + 1}`, () => { shown[layer] = !shown[layer]; }])),
 };
 

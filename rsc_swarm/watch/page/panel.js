@@ -1,7 +1,7 @@
 // The panel: the swarm in figures, or one drone by click: what it knows, hears and believes.
 
 import { colours, fitted, rating } from "./field.js";
-import { COLUMNS, EDGE, FLYING, FROZEN, HEARD, LOST, NEAREST, REJECTED, SLOT, STATE, VX, VY, X, Y, placeError, tree } from "./recording.js";
+import { CARRIED, COLUMNS, DELAYED, EDGE, FLYING, FROZEN, HEARD, LOST, MISSED, NEAREST, REJECTED, SLOT, STATE, VX, VY, X, Y, placeError, tree } from "./recording.js";
 
 /** An element with a text or children. */
 export function make(name, content = [], attributes = {}) {
@@ -15,6 +15,19 @@ const figures = (rows) => make("dl", rows.flatMap(([name, value, kind = ""]) => 
 const metres = (value) => (value > 1e5 ? "nothing near" : `${value.toFixed(2)} m`);
 const percent = (share) => `${(100 * share).toFixed(1)} %`;
 const safe = (value, limit) => (value < limit ? "bad" : value < 2 * limit ? "fair" : "");
+
+/** From whom frames reached a drone lately, late or not at all. */
+function hears(moment, drone) {
+  const from = { [CARRIED]: [], [DELAYED]: [], [MISSED]: [] };
+  for (let at = 0; at < moment.links.length; at += 3)
+    if (moment.links[at + 1] === drone) for (const fate of [CARRIED, DELAYED, MISSED]) if (moment.links[at + 2] & fate) from[fate].push(moment.links[at]);
+  const list = (fate) => from[fate].slice(0, 10).join(", ") + (from[fate].length > 10 ? " ..." : "");
+  const told = [["frames from", list(CARRIED) || "nobody"]];
+  if (from[DELAYED].length) told.push(["late ones from", list(DELAYED), "fair"]);
+  if (from[MISSED].length) told.push(["lost ones from", list(MISSED), "bad"]);
+  const row = drone * COLUMNS;
+  return [...told, ["believes fresh frames of", `${moment.drones[row + HEARD]}`], ["frames it refused", `${moment.drones[row + REJECTED]}`]];
+}
 
 export class Panel {
   constructor(aside, go, choose) {
@@ -89,7 +102,7 @@ export class Panel {
       if (moment.beliefs[entry] === drone) wrong.push(moment.beliefs.subarray(entry + 1, entry + 3));
     return [
       head, make("h3", "Knows"), figures(rows),
-      make("h3", "Hears"), figures([["fresh frames of", `${at(HEARD)} drones`], ["frames it refused", `${at(REJECTED)}`, at(REJECTED) ? "bad" : ""]]),
+      make("h3", "Hears, in the last 0.2 s"), figures(hears(moment, drone)),
       make("h3", "Believes: who is in which slot"),
       make("div", [make("figure", [make("canvas", [], { id: "believed", height: 110 }), make("figcaption", "its view")]),
         make("figure", [make("canvas", [], { id: "true", height: 110 }), make("figcaption", "the truth")])], { class: "maps" }),

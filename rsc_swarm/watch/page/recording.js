@@ -2,6 +2,7 @@
 
 export const X = 0, Y = 1, VX = 2, VY = 3, SLOT = 4, STATE = 5, NEAREST = 6, EDGE = 7, HEARD = 8, REJECTED = 9, GROUP = 10;
 export const COLUMNS = 11;
+export const CARRIED = 1, MISSED = 2, DELAYED = 4; // bits of what became of frames on a link
 export const LOST = 0, FROZEN = 1, FLYING = 2;
 
 const text = new TextDecoder();
@@ -19,7 +20,8 @@ export function unpack(bytes, tick_s) {
     return new kind(copy.buffer);
   };
   const drones = block(Float32Array, head.drones * COLUMNS);
-  return { ...head, time: head.tick * tick_s, count: head.drones, drones, beliefs: block(Int16Array, 3 * head.beliefs) };
+  const beliefs = block(Int16Array, 3 * head.beliefs), links = block(Int16Array, 3 * head.links);
+  return { ...head, time: head.tick * tick_s, count: head.drones, drones, beliefs, links };
 }
 
 /** All pictures of one flight that have come so far, by their times. */
