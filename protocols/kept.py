@@ -5,12 +5,11 @@ down, and the versions it was compiled with. So an edit anywhere that could matt
 other than the one in its sources, and two checkouts of the same text share what either compiled. Kernels of files outside
 the project are compiled anew in every process: what they depend on is not known here.
 
-Importing touches no folder. Compiled code is unpickled, so a folder is taken only if it is ours and only we may write to it.
+Importing touches no folder. Compiled code is run, so a folder is taken only if it is ours and only we may write to it.
 """
 
 import hashlib
 import os
-import pickle
 import re
 import shutil
 import stat
@@ -19,15 +18,13 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import llvmlite
-import numba
-import numpy as np
-from numba.core import caching
-from numba.core.serialize import dumps
+import msgpack
 
+from protocols.machine_code import MachineCode, processor
 from protocols.whole_file import WriteError, write_whole
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -74,7 +71,7 @@ def sources_of(file: Path) -> tuple[Path, ...]:
 @cache
 def fingerprint(file: Path) -> str:
     """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
-    versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
+    versions = (sys.version, *map(version, ("numba", "llvmlite", "numpy")))
     digest = hashlib.blake2b(repr(versions).encode(), digest_size=_DIGEST_BYTES)
     for path in sources_of(file):
         text = path.read_bytes()
@@ -115,91 +112,51 @@ def _digest(data: bytes) -> bytes:
     return hashlib.blake2b(data, digest_size=_DIGEST_BYTES).digest()
 
 
-class _Place(caching._CacheLocator):
-    """Names what is kept; numba looks at the file's time and path instead."""
+class Kept:
+    """The compiled forms of one kernel, in a folder that is looked for only when there is something to load or keep.
 
-    def __init__(self, function: Callable[..., Any], file: Path) -> None:
-        self._file, self._line = file, function.__code__.co_firstlineno
-        self._py_file = str(file)  # for numba's warnings
-
-    def get_cache_path(self) -> str:
-        return ""  # not known before it is needed: `Kept`
-
-    def ensure_cache_path(self) -> None:
-        pass  # `Kept` has made it
-
-    def get_source_stamp(self) -> str:
-        return fingerprint(self._file)
-
-    def get_disambiguator(self) -> str:
-        return f"{self._file.relative_to(_ROOT).parent}".replace("/", ".") + f"-{self._line}"
-
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], file: str) -> "_Place":
-        return cls(function, _file_of(function))
-
-
-class _Form(caching.CompileResultCacheImpl):
-    _locator_classes = [_Place]  # noqa: RUF012
-
-
-class _Files:
-    """One file for each compiled form of one kernel, named after what it was compiled for.
-
-    numba's own index of all forms can be left pointing at another form when two processes write to it at once. A file that is
-    damaged counts as missing.
+    One file for each form, named after what it was compiled for. A file that is damaged counts as missing.
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self.folder = Path()
+    def __init__(self, function: Callable[..., Any]) -> None:
+        file = _file_of(function)
+        self._stamp = fingerprint(file)
+        place = str(file.relative_to(_ROOT).with_suffix("")).replace("/", ".")
+        self._name = f"{place}.{function.__name__}-{function.__code__.co_firstlineno}"
 
-    def load(self, key: object) -> Any:
+    def load(self, form: str) -> MachineCode | None:
+        """What is kept for arguments of this form."""
+        folder = self.find_folder()
+        if folder is None:
+            return None
         try:
-            kept = self._path(key).read_bytes()
+            kept = self._path(folder, form).read_bytes()
         except OSError:
             return None
         digest, data = kept[:_DIGEST_BYTES], kept[_DIGEST_BYTES:]
-        return pickle.loads(data) if digest == _digest(data) else None
+        return MachineCode(*msgpack.unpackb(data, use_list=False)) if digest == _digest(data) else None
 
-    def save(self, key: object, compiled: object) -> None:
-        data, path = dumps(compiled), self._path(key)
-        write_whole(path, _digest(data) + data)
-
-    def _path(self, key: object) -> Path:
-        return self.folder / f"{self._name}.{_digest(repr(key).encode()).hex()}.nbc"
-
-
-class Kept(caching.Cache):
-    """The compiled forms of one kernel, in a folder that is looked for only when there is something to load or keep."""
-
-    _impl_class = _Form  # type: ignore[assignment]
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)  # type: ignore[no-untyped-call]
-        self._stamp = fingerprint(_file_of(function))
-        self._files = _Files(self._impl.filename_base)
-        self._cache_file = self._files  # type: ignore[assignment]
-
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        return super().load_overload(signature, target) if self.find_folder() else None  # type: ignore[no-untyped-call]
-
-    def save_overload(self, signature: Any, data: Any) -> None:
+    def save(self, form: str, code: MachineCode) -> None:
+        """Keep it, if there is room."""
         folder = self.find_folder()
         if folder is None:
             return
-        with suppress(OSError, WriteError):  # no room, say: then it is compiled again next time
+        with suppress(OSError, WriteError):  # then it is compiled again next time
             if not folder.exists():
                 folder.mkdir(exist_ok=True, mode=0o700)
                 _sweep(folder)
-            super().save_overload(signature, data)  # type: ignore[no-untyped-call]
+            data = msgpack.packb(code)
+            write_whole(self._path(folder, form), _digest(data) + data)
+
+    def _path(self, folder: Path, form: str) -> Path:
+        return folder / f"{self._name}.{_digest(f'{processor()} {form}'.encode()).hex()}.o"
 
     def find_folder(self) -> Path | None:
         """Where the forms are or will be kept; None if nowhere that can be trusted."""
         base = cache_folder()
         if base is None:
             return None
-        folder = self._files.folder = base / f"kernels-{self._stamp}"
+        folder = base / f"kernels-{self._stamp}"
         try:
             return folder if _is_ours(folder) else None
         except FileNotFoundError:

@@ -1,43 +1,31 @@
 """How a rule becomes machine code: ``@kernel`` compiles a small readable loop once and keeps it on disk (protocols.kept).
 
+Afterwards it is only linked (protocols.machine_code); the compiler (protocols.compiler) is loaded where there is something to
+compile, and nowhere else: it would be the largest part of a drone.
+
 With RSC_SWARM_PYTHON_KERNELS=1 nothing is compiled: every rule runs as the Python it is written in, some hundred times
 slower, for a debugger, a print or a coverage report. It gives the same bits.
 """
 
 import ctypes
-import hashlib
+import inspect
 import mmap
 import os
+import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
-from numba import types
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.registry import CPUDispatcher
-from numba.core.typing.templates import AttributeTemplate
-from numba.extending import NativeValue, infer_getattr, lower_getattr_generic, models, register_model, unbox
-from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from protocols.kept import Kept, is_ours
+from protocols.machine_code import MachineCode, linked
 
-_COMPILER = "libllvmlite"
-
-# Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
-_KERNEL = {
-    "nopython": True,
-    "boundscheck": None,
-    "error_model": "numpy",
-    "no_cfunc_wrapper": True,
-    "_nrt": False,
-}
-_PART = {**_KERNEL, "forceinline": True, "no_cpython_wrapper": True}
+_LINKER = "libllvmlite"
+_LAYOUT = 0x0001 | 0x0002 | 0x0100 | 0x0400  # of numpy's flags: contiguous in either order, aligned, writeable
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
@@ -46,106 +34,214 @@ COMPILED = os.environ.get("RSC_SWARM_PYTHON_KERNELS", "0") in ("", "0")
 if not COMPILED:
     np.seterr(all="ignore")  # as compiled: integers wrap around, and 1 / 0 is infinite, without a word
 
-
-def is_kept(rule: Callable[..., Any]) -> bool:
-    """Whether some compiled form of this kernel, as its sources are now, lies on disk; also where nothing is compiled."""
-    if not COMPILED:
-        return True
-    kept = getattr(rule, "_cache", None)
-    folder = kept.find_folder() if isinstance(kept, Kept) else None
-    return folder is not None and folder.exists()
+_watching: list[Callable[["Kernel"], None]] = []
 
 
-class _Rule(CPUDispatcher):
-    """Compiled once for all numbers: numba would do it again for a call with a constant."""
-
-    def get_call_template(self, args: Any, kws: Any) -> Any:
-        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
-        return super().get_call_template([types.unliteral(kind) for kind in args], plain)
+@contextmanager
+def compiling_watched(compiled: Callable[["Kernel"], None]) -> Iterator[None]:
+    """Call ``compiled`` whenever a kernel has been compiled."""
+    _watching.append(compiled)
+    try:
+        yield
+    finally:
+        _watching.remove(compiled)
 
 
 def kernel(function: F) -> F:
     """Compile ``function`` to machine code on first call; later processes load it from disk.
 
     Strict IEEE arithmetic (no fast-math): the same inputs give the same bits in every process of a machine, which
-    is what lets a flight in 25 processes have the digest of its in-process twin. It neither makes arrays nor returns any.
+    is what lets a flight in 25 processes have the digest of its in-process twin. It neither makes arrays nor returns any: it
+    returns nothing, a number, or several.
     """
-    return _compiled(function, _KERNEL)
+    return cast(F, Kernel(function)) if COMPILED else function
 
 
 def allocating_kernel(function: F) -> F:
     """A kernel that makes arrays for its own use; the parts it calls must not return any."""
-    return _compiled(function, {**_KERNEL, "_nrt": True})
-
-
-def _compiled(function: F, settings: dict[str, Any]) -> F:
-    if not COMPILED:
-        return function
-    compiled: Any = _Rule(function, {}, settings)
-    if is_ours(function):
-        compiled._cache = Kept(function)
-    return cast(F, compiled)
-
-
-class _PartCode(JITCodeLibrary):
-    """What a part is compiled to: code of the compiler's own that only goes into kernels, which are then optimized as a whole.
-
-    Optimizing each part too, and making machine code of it that nobody calls, would take longer than all the rest.
-    """
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
-        self._finalized = True
-
-
-class _PartCompiler(CompilerBase):
-    def define_pipelines(self) -> list[Any]:
-        state = self.state
-        state.library = _PartCode(state.targetctx.codegen(), state.func_id.func_qualname)  # type: ignore[no-untyped-call]
-        state.flags.no_compile = True
-        return [DefaultPassBuilder.define_nopython_pipeline(state)]
-
-    def compile_extra(self, func: Callable[..., Any]) -> Any:
-        made: Any = super().compile_extra(func)  # type: ignore[no-untyped-call]
-        made = made._replace(entry_point=object())  # callers are linked to what is registered under this name
-        self.state.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
-        return made
-
-
-class _Part(_Rule):
-    """A part of kernels; Python calls it as a kernel of its own."""
-
-    @cached_property
-    def _alone(self) -> Any:
-        return kernel(self.py_func)
-
-    def add_overload(self, made: Any) -> None:
-        self.overloads[tuple(made.signature.args)] = made
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return self._alone(*arguments, **named)
+    return cast(F, Kernel(function, allocates=True)) if COMPILED else function
 
 
 def inlined_kernel(function: F) -> F:
     """As `kernel`, for a part of a larger kernel: compiled into each caller."""
-    if not COMPILED:
-        return function
-    return cast(F, _Part(function, {}, _PART, _PartCompiler))
+    return cast(F, Kernel(function, inlined=True)) if COMPILED else function
 
 
-@dataclass
-class _Page:
-    """A named tuple, and the 64-bit words that tell kernels what is in it; ``place`` is where they lie."""
+class Kernel:
+    """A rule that is machine code when it is called: one form of it for each kind of arguments it is called with.
 
-    group: Any
-    words: NDArray[np.uint64]
+    Arguments are numbers, arrays, tuples of them, and what `by_reference` makes; they are borrowed from Python for as long as it
+    runs.
+    """
 
-    def __post_init__(self) -> None:
-        self.place = self.words.ctypes.data
-        self._numba_type_ = _Reference(numba.typeof(self.group))
+    def __init__(self, function: Callable[..., Any], inlined: bool = False, allocates: bool = False) -> None:
+        self.py_func, self.inlined, self.allocates = function, inlined, allocates
+        self.__name__, self.__doc__, self.__module__ = function.__name__, function.__doc__, function.__module__
+        self.__qualname__, self.__wrapped__ = function.__qualname__, function
+        self._forms: dict[tuple[Any, ...], Callable[[tuple[Any, ...]], Any]] = {}
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the project's sources decide what it does; else it is compiled anew in every process."""
+        return is_ours(self.py_func)
+
+    @cached_property
+    def kept(self) -> Kept:
+        """Where its forms are kept."""
+        return Kept(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """For the compiler, where another rule calls this one."""
+        from protocols.compiler import type_of_rule
+
+        return type_of_rule(self.py_func, self.inlined, self.allocates)
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        if named:
+            given = inspect.signature(self.py_func).bind(*given, **named).args
+        kind = tuple([_kind_of(value) for value in given])
+        form = self._forms.get(kind)
+        if form is None:
+            form = self._forms[kind] = self._find(given)
+        return form(given)
+
+    def _find(self, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
+        """Its form for such arguments: what is kept, or else compiled now."""
+        name = ",".join(map(_name_of, given))
+        code = self.kept.load(name) if self.is_ours else None
+        if code is None:
+            from protocols.compiler import compile_rule
+
+            code = compile_rule(self, given)
+            if self.is_ours:
+                self.kept.save(name, code)
+            for tell in _watching:
+                tell(self)
+        return _form(code, given)
+
+
+def is_kept(rule: Callable[..., Any]) -> bool:
+    """Whether some compiled form of this kernel, as its sources are now, lies on disk; also where nothing is compiled."""
+    if not isinstance(rule, Kernel):
+        return True
+    folder = rule.kept.find_folder()
+    return folder is not None and folder.exists()
+
+
+def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
+    """What runs this code with arguments like ``given``."""
+    function, pack = linked(code), struct.Struct("".join(map(_format_of, given))).pack
+    if len(code.results) == 1:
+
+        def form(given: tuple[Any, ...]) -> Any:
+            words: list[Any] = []
+            for value in given:
+                _put(value, words)
+            return function(pack(*words))
+
+        return form
+
+    kinds = [{"int": np.int64, "uint": np.uint64, "float": np.float64, "bool": np.bool_}[one] for one in code.results]
+    whole = struct.Struct(f"{pack.__self__.format}{'Qqq' * len(kinds)}")
+
+    def form_of_several(given: tuple[Any, ...]) -> Any:
+        words: list[Any] = []
+        results = [np.zeros(1, kind) for kind in kinds]
+        for value in (*given, *results):
+            _put(value, words)
+        function(whole.pack(*words))
+        return tuple(result[0].item() for result in results)
+
+    return form_of_several
+
+
+# --- what arguments are like -----------------------------------------------------------------------------------
+
+
+def _kind_of(value: Any) -> Any:
+    """What tells apart the forms of a kernel, quickly."""
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.num & _LAYOUT
+    if isinstance(value, Page):
+        return value.kind
+    if isinstance(value, tuple):
+        return type(value), *[_kind_of(part) for part in value]
+    return _number_type(value)
+
+
+def _number_type(value: Any) -> type:
+    kind = type(value)
+    if kind is int:
+        return int if value < 2**63 else np.uint64
+    if kind is float or kind is bool:
+        return kind  # type: ignore[no-any-return]
+    if isinstance(value, bool | np.bool_):
+        return bool
+    if isinstance(value, np.uint64):
+        return np.uint64
+    if isinstance(value, int | np.integer):
+        return int
+    if isinstance(value, float | np.floating):
+        return float
+    raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {kind.__name__}: {value!r}")
+
+
+def _name_of(value: Any) -> str:
+    """The same in words that are equal in all processes."""
+    if isinstance(value, np.ndarray):
+        flags, kind = value.flags, value.dtype.descr if value.dtype.names else value.dtype.str
+        order = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+        return f"{kind}[{value.ndim}{order}{'' if flags.writeable else 'r'}{'' if flags.aligned else 'u'}]"
+    if isinstance(value, Page):
+        return f"*{value.kind}"
+    if isinstance(value, tuple):
+        names = getattr(value, "_fields", range(len(value)))
+        parts = ",".join(f"{name}:{_name_of(part)}" for name, part in zip(names, value, strict=True))
+        return f"{type(value).__name__}({parts})"
+    return _number_type(value).__name__
+
+
+def _format_of(value: Any) -> str:
+    """How `struct` writes it in 64-bit words."""
+    if isinstance(value, np.ndarray):
+        return "Q" + "q" * (2 * value.ndim)
+    if isinstance(value, Page):
+        return "Q"
+    if isinstance(value, tuple):
+        return "".join(map(_format_of, value))
+    return {bool: "?7x", float: "d", int: "q", np.uint64: "Q"}[_number_type(value)]
+
+
+def _put(value: Any, words: list[Any]) -> None:
+    if isinstance(value, np.ndarray):
+        words += (value.ctypes.data, *value.shape, *value.strides)
+    elif isinstance(value, Page):
+        words.append(value.place)
+    elif isinstance(value, tuple):
+        for part in value:
+            _put(part, words)
+    else:
+        words.append(value)
+
+
+class Page:
+    """A named tuple, and the 64-bit words that tell kernels what is in it. kind: as those of arguments, in words. place: where
+    the words lie."""
+
+    def __init__(self, group: Any) -> None:
+        self.group, self.kind = group, _name_of(group)
+        words: list[Any] = []
+        _put(group, words)
+        self._words = np.frombuffer(struct.pack(_format_of(group), *words), np.uint64)
+        self.place = self._words.ctypes.data
+
+    @property
+    def _numba_type_(self) -> Any:
+        """For the compiler."""
+        from protocols.compiler import type_of_page
+
+        return type_of_page(self.group)
 
 
 def by_reference(group: T) -> T:
@@ -154,107 +250,18 @@ def by_reference(group: T) -> T:
     Handing over a hundred arrays one by one costs more than most kernels do, and takes long to compile. Only kernels can read the
     fields of what is returned, which keeps the arrays alive.
     """
-    return cast(T, _Page(group, np.array([*_words(group)], np.uint64))) if COMPILED else group
-
-
-def _words(value: Any) -> Iterator[int]:
-    if isinstance(value, tuple):
-        for part in value:
-            yield from _words(part)
-    elif isinstance(value, np.ndarray):
-        yield from (value.ctypes.data, *value.shape, *value.strides)
-    elif isinstance(value, float):
-        yield int(np.float64(value).view(np.uint64))
-    else:
-        yield int(value) % 2**64
-
-
-class _Reference(types.Type):
-    """The compiler's type of a `by_reference` group of type ``group``."""
-
-    def __init__(self, group: Any) -> None:
-        self.group = group
-        digest = hashlib.blake2b(
-            str(group).encode(), digest_size=8
-        ).hexdigest()  # the whole name has thousands of letters
-        super().__init__(f"reference({group.instance_class.__name__} {digest})")
-
-
-if COMPILED:
-
-    @register_model(_Reference)
-    class _ReferenceModel(models.OpaqueModel):
-        """A pointer."""
-
-    @unbox(_Reference)  # type: ignore[untyped-decorator]
-    def _unbox(kind: _Reference, page: Any, context: Any) -> NativeValue:
-        place = context.pyapi.object_getattr_string(page, "place")
-        pointer = context.pyapi.long_as_voidptr(place)
-        context.pyapi.decref(place)
-        return NativeValue(pointer)
-
-    @infer_getattr
-    class _Fields(AttributeTemplate):
-        key = _Reference
-
-        def generic_resolve(self, kind: _Reference, name: str) -> Any:  # type: ignore[override]
-            parts = dict(zip(kind.group.fields, kind.group.types, strict=True))
-            part = parts.get(name)
-            return _Reference(part) if isinstance(part, types.BaseNamedTuple) else part
-
-    @lower_getattr_generic(_Reference)  # type: ignore[untyped-decorator]
-    def _read(context: Any, builder: Any, kind: _Reference, pointer: Any, name: str) -> Any:
-        index = kind.group.fields.index(name)
-        part, first = kind.group.types[index], sum(map(_size, kind.group.types[:index]))
-        word = context.get_value_type(types.uint64)
-        words = builder.bitcast(pointer, word.as_pointer())
-
-        def read(place: int) -> Any:
-            found = builder.load(builder.gep(words, [context.get_constant(types.intp, first + place)]))
-            found.set_metadata(
-                "invariant.load", builder.module.add_metadata([])
-            )  # so that it need be read but once
-            return found
-
-        if isinstance(part, types.Array):
-            array = context.make_array(part)(context, builder)
-            populate_array(
-                array,
-                data=builder.inttoptr(read(0), array.data.type),
-                shape=[read(1 + axis) for axis in range(part.ndim)],
-                strides=[read(1 + part.ndim + axis) for axis in range(part.ndim)],
-                itemsize=context.get_constant(
-                    types.intp, context.get_abi_sizeof(context.get_data_type(part.dtype))
-                ),
-                meminfo=None,
-            )
-            return array._getvalue()
-        if isinstance(part, types.BaseNamedTuple):
-            return builder.gep(pointer, [context.get_constant(types.intp, 8 * first)])
-        if isinstance(part, types.Boolean):
-            return builder.icmp_unsigned("!=", read(0), word(0))
-        if part == types.float64:
-            return builder.bitcast(read(0), context.get_value_type(part))
-        assert part in (types.int64, types.uint64), f"{name}: {part}"
-        return read(0)
-
-
-def _size(part: Any) -> int:
-    """How many words a part of this type takes."""
-    if isinstance(part, types.BaseTuple):
-        return sum(map(_size, cast(Any, part).types))
-    return 1 + 2 * part.ndim if isinstance(part, types.Array) else 1
+    return cast(T, Page(group)) if COMPILED else group
 
 
 def release_compiler() -> None:
-    """Give back the memory of the compiler's code, for when the kernels needed are loaded.
+    """Give back the memory of the code that links and compiles, for when the kernels needed are loaded.
 
     The code is a file's, so the system reads it again should it be called once more. Does nothing where there is no Linux.
     """
     maps = Path("/proc/self/maps")
     for line in maps.read_text().splitlines() if maps.exists() else []:
         span, access, *_, name = line.split()
-        if access == "r-xp" and _COMPILER in name:
+        if access == "r-xp" and _LINKER in name:
             begin, end = (int(bound, 16) for bound in span.split("-"))
             ctypes.CDLL(None).madvise(
                 ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), mmap.MADV_DONTNEED

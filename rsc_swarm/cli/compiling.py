@@ -5,11 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from numba.core.event import Listener, install_listener
-
 from agent.policy import learned  # noqa: F401  its rules count, too
 from agent.process import rehearse
-from protocols.kept import Kept
+from protocols.kernels import Kernel, compiling_watched
 from protocols.mission.document import Mission, parse_mission
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.show.progress import Meter
@@ -54,7 +52,7 @@ def _counting() -> Iterator[None]:
     """Show on a bar how many of the loaded modules' rules are compiled, before anything else can be shown."""
     counter = _Counter(len(_loaded()))
     try:
-        with install_listener("numba:compile", counter):
+        with compiling_watched(counter.compiled):
             yield
     finally:
         counter.close()
@@ -67,10 +65,10 @@ def _loaded() -> set[int]:
 
 
 def _is_rule(thing: Any) -> bool:
-    return isinstance(getattr(thing, "_cache", None), Kept)
+    return isinstance(thing, Kernel) and thing.is_ours and not thing.inlined
 
 
-class _Counter(Listener):
+class _Counter:
     """Counts on a bar which rules are compiled."""
 
     def __init__(self, total: int) -> None:
@@ -78,12 +76,9 @@ class _Counter(Listener):
         self._meter.begin(self._text(), total)
         self._meter.draw(0, self._text())
 
-    def on_start(self, event: Any) -> None:
-        """A rule begins: nothing to tell."""
-
-    def on_end(self, event: Any) -> None:
-        """A rule, or a part of one, is compiled."""
-        if _is_rule(event.data["dispatcher"]):
+    def compiled(self, rule: Kernel) -> None:
+        """A rule is compiled."""
+        if _is_rule(rule):
             self._ready += 1
             if self._meter.due():
                 self._meter.draw(self._ready, self._text())

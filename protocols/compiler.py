@@ -1,0 +1,301 @@
+"""The compiler: rules -> machine code. It is loaded only where something is to be compiled (protocols.kernels).
+
+What comes out is one function of C whose only argument points to 64-bit words. It needs nothing but the C library, so whoever
+runs it needs no compiler.
+"""
+
+import hashlib
+from collections import namedtuple
+from collections.abc import Callable
+from functools import cache
+from typing import Any, cast
+
+import llvmlite.binding as llvm
+from llvmlite import ir
+from numba import typeof, types
+from numba.core import compiler
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
+from numba.np.arrayobj import populate_array
+
+from protocols.machine_code import MachineCode
+
+# Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
+_RULE = {
+    "nopython": True, "boundscheck": None, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
+}  # fmt: skip
+_RESULTS = {
+    types.none: "none", types.boolean: "bool", types.int64: "int", types.uint64: "uint", types.float64: "float",
+}  # fmt: skip
+_SYMBOL = "rule"
+
+# What compiled code calls for an array of its own, and when it has done with it. The compiler's own would need the compiler.
+_ALLOCATOR = """
+declare noalias ptr @malloc(i64)
+declare void @free(ptr)
+
+define noalias ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
+  %wide = zext i32 %align to i64
+  %head = add i64 %wide, 48
+  %all = add i64 %size, %head
+  %info = call noalias ptr @malloc(i64 %all)
+  %failed = icmp eq ptr %info, null
+  br i1 %failed, label %done, label %fill
+fill:
+  %begin = ptrtoint ptr %info to i64
+  %end = add i64 %begin, %head
+  %mask = sub i64 0, %wide
+  %place = and i64 %end, %mask
+  %data = inttoptr i64 %place to ptr
+  store i64 1, ptr %info
+  %data_at = getelementptr i8, ptr %info, i64 24
+  store ptr %data, ptr %data_at
+  %size_at = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_at
+  br label %done
+done:
+  ret ptr %info
+}
+
+define void @NRT_MemInfo_call_dtor(ptr %info) {
+  call void @free(ptr %info)
+  ret void
+}
+"""
+
+
+class _Draft(JITCodeLibrary):
+    """What a rule is compiled to at first: code of the compiler's own, which is optimized as a whole with what it is called by.
+
+    Optimizing each rule alone too, and making machine code of it that nobody calls, would take longer than all the rest.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
+        self._finalized = True
+
+
+class _DraftCompiler(CompilerBase):
+    def define_pipelines(self) -> list[Any]:
+        state = self.state
+        state.library = _Draft(state.targetctx.codegen(), state.func_id.func_qualname)  # type: ignore[no-untyped-call]
+        state.flags.no_compile = True
+        return [DefaultPassBuilder.define_nopython_pipeline(state)]
+
+    def compile_extra(self, func: Callable[..., Any]) -> Any:
+        made: Any = super().compile_extra(func)  # type: ignore[no-untyped-call]
+        made = made._replace(entry_point=object())  # callers are linked to what is registered under this name
+        self.state.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
+        return made
+
+
+class _Rule(CPUDispatcher):
+    """A rule, for the compiler. Compiled once for all numbers: it would do it again for a call with a constant."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template([types.unliteral(kind) for kind in args], plain)
+
+    def add_overload(self, made: Any) -> None:
+        self.overloads[tuple(made.signature.args)] = made
+
+
+@cache
+def _rule_of(function: Callable[..., Any], inlined: bool, allocates: bool) -> _Rule:
+    return _Rule(function, {}, {**_RULE, "_nrt": allocates, "forceinline": inlined}, _DraftCompiler)
+
+
+def type_of_rule(function: Callable[..., Any], inlined: bool, allocates: bool) -> types.Type:
+    """The compiler's type of a rule that other rules call."""
+    return types.Dispatcher(_rule_of(function, inlined, allocates))  # which does not keep it alive
+
+
+def type_of_page(group: tuple[Any, ...]) -> types.Type:
+    """The compiler's type of a `protocols.kernels.by_reference` group."""
+    return _Page(typeof(group))
+
+
+class _Page(types.Type):
+    """A pointer to the words of a named tuple of type ``group``."""
+
+    def __init__(self, group: Any) -> None:
+        self.group = group
+        digest = hashlib.blake2b(
+            str(group).encode(), digest_size=8
+        ).hexdigest()  # the whole name has thousands of letters
+        super().__init__(f"page({group.instance_class.__name__} {digest})")
+
+
+@register_model(_Page)
+class _PageModel(models.OpaqueModel):
+    """A pointer."""
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = _Page
+
+    def generic_resolve(self, kind: _Page, name: str) -> Any:  # type: ignore[override]
+        parts = dict(zip(kind.group.fields, kind.group.types, strict=True))
+        part = parts.get(name)
+        return _Page(part) if isinstance(part, types.BaseNamedTuple) else part
+
+
+@lower_getattr_generic(_Page)  # type: ignore[untyped-decorator]
+def _read(context: Any, builder: Any, kind: _Page, pointer: Any, name: str) -> Any:
+    index = kind.group.fields.index(name)
+    part, first = kind.group.types[index], sum(map(_size, kind.group.types[:index]))
+    word = context.get_value_type(types.uint64)
+    words = builder.bitcast(pointer, word.as_pointer())
+
+    def read(place: int) -> Any:
+        found = builder.load(builder.gep(words, [context.get_constant(types.intp, first + place)]))
+        found.set_metadata(
+            "invariant.load", builder.module.add_metadata([])
+        )  # so that it need be read but once
+        return found
+
+    if isinstance(part, types.Array):
+        array = context.make_array(part)(context, builder)
+        populate_array(
+            array,
+            data=builder.inttoptr(read(0), array.data.type),
+            shape=[read(1 + axis) for axis in range(part.ndim)],
+            strides=[read(1 + part.ndim + axis) for axis in range(part.ndim)],
+            itemsize=context.get_constant(
+                types.intp, context.get_abi_sizeof(context.get_data_type(part.dtype))
+            ),
+            meminfo=None,
+        )
+        return array._getvalue()
+    if isinstance(part, types.BaseNamedTuple):
+        return builder.gep(pointer, [context.get_constant(types.intp, 8 * first)])
+    if isinstance(part, _Page):
+        return builder.inttoptr(read(0), context.get_value_type(part))
+    if isinstance(part, types.Boolean):
+        return builder.icmp_unsigned("!=", read(0), word(0))
+    if part == types.float64:
+        return builder.bitcast(read(0), context.get_value_type(part))
+    assert part in (types.int64, types.uint64), f"{name}: {part}"
+    return read(0)
+
+
+def _size(part: Any) -> int:
+    """How many words a part of this type takes."""
+    if isinstance(part, types.BaseTuple):
+        return sum(map(_size, cast(Any, part).types))
+    return 1 + 2 * part.ndim if isinstance(part, types.Array) else 1
+
+
+@global_compiler_lock  # type: ignore[untyped-decorator]
+def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
+    """Compile a rule (protocols.kernels) for arguments like ``given``.
+
+    Raises:
+        numba.core.errors.NumbaError: it is none that can be compiled.
+    """
+    leaves, call, names = _call_of(given)
+    names["rule"] = rule
+    drafted = _draft(f"return rule({call})", names, leaves)
+    results = _results_of(drafted.signature.return_type)
+    if len(results) > 1:  # they are left where one more argument each points to
+        ways = "; ".join(f"given.a{len(leaves) + n}[0] = results[{n}]" for n in range(len(results)))
+        out = [types.Array(kind, 1, "C") for kind in drafted.signature.return_type]
+        drafted = _draft(f"results = rule({call}); {ways}", names, [*leaves, *out])
+    return MachineCode(_SYMBOL, results, _machine_code(drafted))
+
+
+def _call_of(given: tuple[Any, ...]) -> tuple[list[types.Type], str, dict[str, Any]]:
+    """The types of all that is given, what a rule is called with to be given the same, and the classes that this names."""
+    leaves: list[types.Type] = []
+    names: dict[str, Any] = {}
+
+    def say(value: Any) -> str:
+        if isinstance(value, tuple):
+            parts = "".join(f"{say(part)}, " for part in value)
+            if not hasattr(value, "_fields"):
+                return f"({parts})"
+            name = f"T{len(names)}"
+            names[name] = type(value)
+            return f"{name}({parts})"
+        leaves.append(_type_of(value))
+        return f"given.a{len(leaves) - 1}"
+
+    call = ", ".join(map(say, given))
+    return leaves, call, names
+
+
+def _type_of(value: Any) -> types.Type:
+    if isinstance(value, bool):
+        return types.boolean
+    if isinstance(value, int):
+        return types.uint64 if value >= 2**63 else types.int64
+    if isinstance(value, float):
+        return types.float64
+    return typeof(value)
+
+
+def _draft(does: str, names: dict[str, Any], leaves: list[types.Type]) -> Any:
+    """What a function of one page with these leaves is compiled to, before it is machine code."""
+    given = namedtuple("given", [f"a{n}" for n in range(len(leaves))])  # type: ignore[misc]
+    exec(f"def entry(given):\n {does}", names)
+    flags = compiler.Flags()  # type: ignore[no-untyped-call]
+    cpu_target.options.parse_as_flags(flags, {**_RULE, "_nrt": False})
+    page = _Page(types.BaseTuple.from_types(leaves, given))
+    return compiler.compile_extra(
+        cpu_target.typing_context, cpu_target.target_context, names["entry"], (page,), None, flags, {},
+        pipeline_class=_DraftCompiler,
+    )  # fmt: skip
+
+
+def _results_of(kind: types.Type) -> tuple[str, ...]:
+    kinds = kind.types if isinstance(kind, types.BaseTuple) else (kind,)
+    return tuple(_RESULTS[one] for one in kinds)
+
+
+class _Whole(JITCodeLibrary):
+    """Everything that a rule needs, as the text of an object file."""
+
+    object: bytes
+
+    def _optimize_final_module(self) -> None:
+        for part in (*self._final_module.functions, *self._final_module.global_variables):
+            if not part.is_declaration and part.name != _SYMBOL:
+                part.linkage = "internal"  # nobody else can call it: what is not needed goes
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
+
+    def _finalize_final_module(self) -> None:
+        self.object = self._codegen._tm.emit_object(self._final_module)
+        self._finalized = True
+
+
+def _machine_code(drafted: Any) -> bytes:
+    context = cpu_target.target_context
+    whole = _Whole(context.codegen(), _SYMBOL)  # type: ignore[no-untyped-call]
+    whole.add_linking_library(drafted.library)  # type: ignore[no-untyped-call]
+    whole.add_ir_module(_entry(context, drafted.fndesc))  # type: ignore[no-untyped-call]
+    whole.add_llvm_module(llvm.parse_assembly(_ALLOCATOR))  # type: ignore[no-untyped-call]
+    whole.finalize()  # type: ignore[no-untyped-call]
+    return whole.object
+
+
+def _entry(context: Any, made: Any) -> ir.Module:
+    """The function of C that calls what was compiled, and returns a number, whatever it is worth."""
+    module = context.create_module("entry")
+    inner = ir.Function(module, context.call_conv.get_function_type(made.restype, made.argtypes), made.llvm_func_name)
+    pointer, value = context.get_value_type(made.argtypes[0]), context.get_data_type(made.restype)
+    entry = ir.Function(module, ir.FunctionType(value, [pointer]), _SYMBOL)
+    builder = ir.IRBuilder(entry.append_basic_block())
+    status, found = context.call_conv.call_function(builder, inner, made.restype, made.argtypes, entry.args)
+    with builder.if_then(status.is_error, likely=False):  # there is no room for an array of its own: nothing else goes wrong
+        failed = ir.Function(module, ir.FunctionType(pointer, []), "PyErr_NoMemory")
+        builder.call(failed, [])
+    builder.ret(context.data_model_manager[made.restype].as_data(builder, found))
+    return module

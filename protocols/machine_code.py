@@ -1,0 +1,47 @@
+"""Machine code that runs without the compiler that made it: linked into this process, and called with one pointer."""
+
+import ctypes
+import itertools
+import struct
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+
+_C_TYPES = {
+    "none": None, "bool": ctypes.c_bool, "int": ctypes.c_int64, "uint": ctypes.c_uint64, "float": ctypes.c_double,
+}  # fmt: skip
+_number = itertools.count()
+
+
+class MachineCode(NamedTuple):
+    """A compiled rule: an object file, the function in it, and what that returns; several results are left in 8 bytes each where
+    as many last words of its argument point to."""
+
+    symbol: str
+    results: tuple[str, ...]
+    object: bytes
+
+
+@cache
+def _linker() -> Any:
+    llvm.initialize_native_target()  # type: ignore[no-untyped-call]
+    llvm.initialize_native_asmprinter()  # type: ignore[no-untyped-call]
+    return llvm.create_lljit_compiler()
+
+
+@cache
+def processor() -> str:
+    """What this machine's processor can do: code is made for it."""
+    return f"{llvm.get_default_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+
+
+def linked(code: MachineCode) -> Callable[[bytes], Any]:
+    """The function, to be called with its words."""
+    builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
+    library = builder.export_symbol(code.symbol).link(_linker(), f"rule-{next(_number)}")
+    result = _C_TYPES[code.results[0]] if len(code.results) == 1 else None
+    function = ctypes.PYFUNCTYPE(result, ctypes.c_char_p)(library[code.symbol])
+    function.library = library  # it lives as long as the function
+    return function
