@@ -82,7 +82,7 @@ class AgentCore:
 
         Args:
             boot: above 0 means restarted in mid-flight, knowing nothing but the initial slots.
-            rehearsal: this process will fork: load all code, but open nothing.
+            rehearsal: this process will fork: load all code, and open only what can be shared.
             seals_of: what each drone seals its swaps with; without, what is good enough for drones of one process.
 
         Raises:
@@ -91,6 +91,8 @@ class AgentCore:
         agents = np.asarray(me, np.int64)
         self.mission = mission.told
         self.policy = find_policy(mission.policy, self.mission)
+        if rehearsal and hasattr(self.policy, "share"):
+            call(self.policy.share, mission.policy)
         self._opened = rehearsal
         self._rules, self._shape = rules_of(mission), shape_of(mission)
         self._work = empty_work(agents)

@@ -204,12 +204,18 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
     leaves, call, names = _call_of(given)
     names["rule"] = rule
     drafted = _draft(f"return rule({call})", names, leaves)
-    results = _results_of(drafted.signature.return_type)
-    if len(results) > 1:  # they are left where one more argument each points to
-        ways = "; ".join(f"given.a{len(leaves) + n}[0] = results[{n}]" for n in range(len(results)))
-        out = [types.Array(kind, 1, "C") for kind in drafted.signature.return_type]
-        drafted = _draft(f"results = rule({call}); {ways}", names, [*leaves, *out])
-    return MachineCode(_SYMBOL, results, _machine_code(drafted))
+    returned: Any = drafted.signature.return_type
+    kinds = list(
+        map(types.unliteral, returned.types if isinstance(returned, types.BaseTuple) else [returned])
+    )
+    if len(kinds) > 1:  # they are left where one more argument each points to
+        ways = "; ".join(f"given.a{len(leaves) + n}[0] = results[{n}]" for n in range(len(kinds)))
+        drafted = _draft(
+            f"results = rule({call}); {ways}",
+            names,
+            [*leaves, *(types.Array(kind, 1, "C") for kind in kinds)],
+        )
+    return MachineCode(_SYMBOL, tuple(_RESULTS[kind] for kind in kinds), _machine_code(drafted))
 
 
 def _call_of(given: tuple[Any, ...]) -> tuple[list[types.Type], str, dict[str, Any]]:
@@ -239,25 +245,21 @@ def _type_of(value: Any) -> types.Type:
         return types.uint64 if value >= 2**63 else types.int64
     if isinstance(value, float):
         return types.float64
-    return typeof(value)
+    kind: types.Type = typeof(value)
+    return kind
 
 
 def _draft(does: str, names: dict[str, Any], leaves: list[types.Type]) -> Any:
     """What a function of one page with these leaves is compiled to, before it is machine code."""
     given = namedtuple("given", [f"a{n}" for n in range(len(leaves))])  # type: ignore[misc]
     exec(f"def entry(given):\n {does}", names)
-    flags = compiler.Flags()  # type: ignore[no-untyped-call]
+    flags = compiler.Flags()
     cpu_target.options.parse_as_flags(flags, {**_RULE, "_nrt": False})
     page = _Page(types.BaseTuple.from_types(leaves, given))
     return compiler.compile_extra(
         cpu_target.typing_context, cpu_target.target_context, names["entry"], (page,), None, flags, {},
         pipeline_class=_DraftCompiler,
     )  # fmt: skip
-
-
-def _results_of(kind: types.Type) -> tuple[str, ...]:
-    kinds = kind.types if isinstance(kind, types.BaseTuple) else (kind,)
-    return tuple(_RESULTS[one] for one in kinds)
 
 
 class _Whole(JITCodeLibrary):
@@ -289,12 +291,16 @@ def _machine_code(drafted: Any) -> bytes:
 def _entry(context: Any, made: Any) -> ir.Module:
     """The function of C that calls what was compiled, and returns a number, whatever it is worth."""
     module = context.create_module("entry")
-    inner = ir.Function(module, context.call_conv.get_function_type(made.restype, made.argtypes), made.llvm_func_name)
+    inner = ir.Function(
+        module, context.call_conv.get_function_type(made.restype, made.argtypes), made.llvm_func_name
+    )
     pointer, value = context.get_value_type(made.argtypes[0]), context.get_data_type(made.restype)
     entry = ir.Function(module, ir.FunctionType(value, [pointer]), _SYMBOL)
     builder = ir.IRBuilder(entry.append_basic_block())
     status, found = context.call_conv.call_function(builder, inner, made.restype, made.argtypes, entry.args)
-    with builder.if_then(status.is_error, likely=False):  # there is no room for an array of its own: nothing else goes wrong
+    with builder.if_then(
+        status.is_error, likely=False
+    ):  # there is no room for an array of its own: nothing else goes wrong
         failed = ir.Function(module, ir.FunctionType(pointer, []), "PyErr_NoMemory")
         builder.call(failed, [])
     builder.ret(context.data_model_manager[made.restype].as_data(builder, found))

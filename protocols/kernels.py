@@ -25,7 +25,10 @@ from protocols.kept import Kept, is_ours
 from protocols.machine_code import MachineCode, linked
 
 _LINKER = "libllvmlite"
-_LAYOUT = 0x0001 | 0x0002 | 0x0100 | 0x0400  # of numpy's flags: contiguous in either order, aligned, writeable
+_KINDS = {"int": np.int64, "uint": np.uint64, "float": np.float64, "bool": np.bool_}  # of results
+_LAYOUT = (
+    0x0001 | 0x0002 | 0x0100 | 0x0400
+)  # of numpy's flags: contiguous in either order, aligned, writeable
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
@@ -76,7 +79,11 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any], inlined: bool = False, allocates: bool = False) -> None:
         self.py_func, self.inlined, self.allocates = function, inlined, allocates
-        self.__name__, self.__doc__, self.__module__ = function.__name__, function.__doc__, function.__module__
+        self.__name__, self.__doc__, self.__module__ = (
+            function.__name__,
+            function.__doc__,
+            function.__module__,
+        )
         self.__qualname__, self.__wrapped__ = function.__qualname__, function
         self._forms: dict[tuple[Any, ...], Callable[[tuple[Any, ...]], Any]] = {}
 
@@ -131,29 +138,20 @@ def is_kept(rule: Callable[..., Any]) -> bool:
 
 def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
     """What runs this code with arguments like ``given``."""
-    function, pack = linked(code), struct.Struct("".join(map(_format_of, given))).pack
+    function, words = linked(code), "".join(map(_format_of, given))
     if len(code.results) == 1:
+        pack = struct.Struct(words).pack
+        return lambda given: function(pack(*_words(given)))
 
-        def form(given: tuple[Any, ...]) -> Any:
-            words: list[Any] = []
-            for value in given:
-                _put(value, words)
-            return function(pack(*words))
+    kinds = [_KINDS[result] for result in code.results]
+    pack_all = struct.Struct(words + "Qqq" * len(kinds)).pack
 
-        return form
-
-    kinds = [{"int": np.int64, "uint": np.uint64, "float": np.float64, "bool": np.bool_}[one] for one in code.results]
-    whole = struct.Struct(f"{pack.__self__.format}{'Qqq' * len(kinds)}")
-
-    def form_of_several(given: tuple[Any, ...]) -> Any:
-        words: list[Any] = []
-        results = [np.zeros(1, kind) for kind in kinds]
-        for value in (*given, *results):
-            _put(value, words)
-        function(whole.pack(*words))
+    def form(given: tuple[Any, ...]) -> tuple[Any, ...]:
+        results: list[NDArray[Any]] = [np.zeros(1, kind) for kind in kinds]
+        function(pack_all(*_words((*given, *results))))
         return tuple(result[0].item() for result in results)
 
-    return form_of_several
+    return form
 
 
 # --- what arguments are like -----------------------------------------------------------------------------------
@@ -175,7 +173,7 @@ def _number_type(value: Any) -> type:
     if kind is int:
         return int if value < 2**63 else np.uint64
     if kind is float or kind is bool:
-        return kind  # type: ignore[no-any-return]
+        return kind
     if isinstance(value, bool | np.bool_):
         return bool
     if isinstance(value, np.uint64):
@@ -213,16 +211,19 @@ def _format_of(value: Any) -> str:
     return {bool: "?7x", float: "d", int: "q", np.uint64: "Q"}[_number_type(value)]
 
 
-def _put(value: Any, words: list[Any]) -> None:
-    if isinstance(value, np.ndarray):
-        words += (value.ctypes.data, *value.shape, *value.strides)
-    elif isinstance(value, Page):
-        words.append(value.place)
-    elif isinstance(value, tuple):
-        for part in value:
-            _put(part, words)
-    else:
-        words.append(value)
+def _words(given: tuple[Any, ...]) -> list[Any]:
+    """All that is given, as numbers of 64 bits."""
+    words: list[Any] = []
+    for value in given:
+        if isinstance(value, Page):
+            words.append(value.place)
+        elif isinstance(value, np.ndarray):
+            words += (value.ctypes.data, *value.shape, *value.strides)
+        elif isinstance(value, tuple):
+            words += _words(value)
+        else:
+            words.append(value)
+    return words
 
 
 class Page:
@@ -231,9 +232,7 @@ class Page:
 
     def __init__(self, group: Any) -> None:
         self.group, self.kind = group, _name_of(group)
-        words: list[Any] = []
-        _put(group, words)
-        self._words = np.frombuffer(struct.pack(_format_of(group), *words), np.uint64)
+        self._words = np.frombuffer(struct.pack(_format_of(group), *_words(group)), np.uint64)
         self.place = self._words.ctypes.data
 
     @property

@@ -1,8 +1,6 @@
 """Machine code that runs without the compiler that made it: linked into this process, and called with one pointer."""
 
 import ctypes
-import itertools
-import struct
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
@@ -12,7 +10,7 @@ import llvmlite.binding as llvm
 _C_TYPES = {
     "none": None, "bool": ctypes.c_bool, "int": ctypes.c_int64, "uint": ctypes.c_uint64, "float": ctypes.c_double,
 }  # fmt: skip
-_number = itertools.count()
+_libraries: list[Any] = []  # code is gone when its library is
 
 
 class MachineCode(NamedTuple):
@@ -26,8 +24,8 @@ class MachineCode(NamedTuple):
 
 @cache
 def _linker() -> Any:
-    llvm.initialize_native_target()  # type: ignore[no-untyped-call]
-    llvm.initialize_native_asmprinter()  # type: ignore[no-untyped-call]
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
     return llvm.create_lljit_compiler()
 
 
@@ -38,10 +36,13 @@ def processor() -> str:
 
 
 def linked(code: MachineCode) -> Callable[[bytes], Any]:
-    """The function, to be called with its words."""
+    """The function, to be called with its words.
+
+    Raises:
+        RuntimeError: it needs something that is not in this process.
+    """
     builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
-    library = builder.export_symbol(code.symbol).link(_linker(), f"rule-{next(_number)}")
+    library = builder.export_symbol(code.symbol).link(_linker(), f"rule-{len(_libraries)}")
+    _libraries.append(library)
     result = _C_TYPES[code.results[0]] if len(code.results) == 1 else None
-    function = ctypes.PYFUNCTYPE(result, ctypes.c_char_p)(library[code.symbol])
-    function.library = library  # it lives as long as the function
-    return function
+    return ctypes.PYFUNCTYPE(result, ctypes.c_char_p)(library[code.symbol])

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S, target_x
-from protocols.kernels import kernel
+from protocols.kernels import by_reference, inlined_kernel, kernel
 from protocols.mission.document import Mission
 from protocols.mission.fault import Fault
-from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
+from protocols.wire.sensed import MAX_OBSTACLES, Sensed, empty_sensed
 from protocols.wire.status import AgentStatus
 from world import faults, field, referee
 from world import plant as physics
@@ -49,43 +49,97 @@ class Inbox(NamedTuple):
     arrived: NDArray[np.int32]
 
 
-class _Said(NamedTuple):
-    """The numbers among `Answers`."""
+class _Stage(NamedTuple):
+    """Everything that the rules of a tick work on, of E worlds.
 
-    command: NDArray[np.float64]
-    sent_bytes: NDArray[np.int64]
-    claim: NDArray[np.int64]
+    responsive, hears: (E, N) who answers; whose radio is on now. claim: (E, N) slots. target: (E,) x of the virtual target [m],
+    target_mps its speed. acceleration_mps2, speed_mps: the limits of all drones. reach_m: of their sensors. sizes: (E, D, N)
+    bytes of the frames sent, by tick % D. bound: of no worlds where nothing can go wrong. The rest as its class says, and as
+    `medium.relay` and `medium.deliver` do.
+    """
+
+    clocks: medium.Clocks
+    responsive: NDArray[np.bool_]
+    hears: NDArray[np.bool_]
+    claim: NDArray[np.int16]
+    target: NDArray[np.float64]
+    target_mps: float
+    bodies: physics.Bodies
+    ground: physics.Ground
+    acceleration_mps2: float
+    speed_mps: float
+    reach_m: float
+    neighbours_sensed: bool
+    sensed: Sensed
+    link: medium.Link
+    air: medium.Air
+    bad: NDArray[np.bool_]
+    queue: medium.Queue
+    tally: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    inbox_start: NDArray[np.int64]
+    inbox: NDArray[np.int32]
+    standard: referee.Standard
+    findings: referee.Findings
+    bound: information_bound.InformationBound
 
 
 @kernel
+def _perceive(stage: _Stage) -> int:
+    """Let all sense and hear; return how many frames arrive."""
+    active, bodies, hears = stage.clocks.active, stage.bodies, stage.hears
+    physics.sense(active, bodies, stage.ground, stage.reach_m, stage.neighbours_sensed, stage.sensed)
+    for world in range(hears.shape[0]):
+        for agent in range(hears.shape[1]):
+            hears[world, agent] = stage.responsive[world, agent] and bodies.flying[world, agent]
+    start, inbox = stage.inbox_start, stage.inbox
+    total = medium.deliver(
+        stage.clocks.ticks, active, hears, stage.sizes, stage.queue, stage.tally, start, inbox
+    )
+    if stage.bound.latest.shape[0] > 0:
+        information_bound.spread(stage.bound, stage.clocks.ticks, active, start, inbox)
+    return total
+
+
+@kernel
+def _advance(
+    command: NDArray[np.float64], sent_bytes: NDArray[np.int64], claim: NDArray[np.int64], stage: _Stage
+) -> None:
+    """Take the answers, relay what was said, move, go on to the next tick, and judge."""
+    clocks, bodies = stage.clocks, stage.bodies
+    _take_answers(command, sent_bytes, claim, stage)
+    medium.relay(stage.link, clocks, stage.air, stage.bad, stage.queue, stage.tally)
+    physics.move(clocks.active, bodies, stage.acceleration_mps2, stage.speed_mps, TICK_S)
+    for world in range(clocks.active.shape[0]):
+        if clocks.active[world]:
+            clocks.ticks[world] += 1
+            stage.target[world] = target_x(clocks.ticks[world], stage.target_mps)
+    referee.judge(
+        clocks.active, bodies, stage.claim, stage.ground, stage.target, stage.standard, stage.findings
+    )
+
+
+@inlined_kernel
 def _take_answers(
-    tick: NDArray[np.int64], responsive: NDArray[np.bool_], bodies: physics.Bodies, said: _Said, sent: NDArray[np.int64],
-    sizes: NDArray[np.int64], claims: NDArray[np.int16],
-) -> None:  # fmt: skip
+    command: NDArray[np.float64], sent_bytes: NDArray[np.int64], claim: NDArray[np.int64], stage: _Stage
+) -> None:
     """Take over, from rows, what those said that are awake; the others' commands and claims stay, and they sent nothing."""
-    flying, commands = bodies.flying, bodies.command
-    command, sent_bytes, claim = said
+    flying, commands, sent, sizes = (
+        stage.bodies.flying,
+        stage.bodies.command,
+        stage.air.sent_bytes,
+        stage.sizes,
+    )
     worlds, agents = flying.shape
     for world in range(worlds):
-        bucket = tick[world] % sizes.shape[1]
+        bucket = stage.clocks.ticks[world] % sizes.shape[1]
         for agent in range(agents):
             row = world * agents + agent
-            awake = responsive[world, agent] and flying[world, agent]
+            awake = stage.responsive[world, agent] and flying[world, agent]
             sizes[world, bucket, agent] = sent[world, agent] = sent_bytes[row] if awake else 0
             if awake:
                 commands[world, agent, 0], commands[world, agent, 1] = command[row, 0], command[row, 1]
-                claims[world, agent] = claim[row]
-
-
-@kernel
-def _next_tick(
-    active: NDArray[np.bool_], tick: NDArray[np.int64], target: NDArray[np.float64], target_mps: float
-) -> None:
-    """Move the clock and the virtual target on, in every active world."""
-    for world in range(active.shape[0]):
-        if active[world]:
-            tick[world] += 1
-            target[world] = target_x(tick[world], target_mps)
+                stage.claim[world, agent] = claim[row]
 
 
 class WorldCore:
@@ -129,33 +183,55 @@ class WorldCore:
         self._findings = referee.empty_findings(worlds, agents)
         self.nearest, self.edge_error = self._findings.nearest, self._findings.edge_error
         self.tally = np.zeros((worlds, len(medium.TALLY)), np.int64)
-        self._link = medium.link_of(first)
-        self._seeds = np.array([mission.seed for mission in missions], np.int64)
-        self._bad = np.zeros((worlds, agents, agents), np.bool_)
-        self._queue = medium.empty_queue(worlds, agents, self._link.longest)
-        self._sizes = np.zeros((worlds, self._link.longest + 1, agents), np.int64)
-        self._sent = np.zeros(self.shape, np.int64)
+        link = medium.link_of(first)
+        queue = medium.empty_queue(worlds, agents, link.longest)
+        self._sizes = np.zeros((worlds, link.longest + 1, agents), np.int64)
         seen = agents if watched else 0
         self.fates = np.full((worlds, seen, seen, len(medium.FATES)), medium.LONG_AGO, np.int32)
         self.inbox_start = np.zeros(worlds * agents + 1, np.int64)
-        self.inbox = np.zeros((worlds * self._queue.entry.shape[2], 2), np.int32)
+        self.inbox = np.zeros((worlds * queue.entry.shape[2], 2), np.int32)
         # Only where something goes wrong, or may, is there news to wait for.
-        self._information_bound = (
-            information_bound.empty_information_bound(worlds, agents, self.ring)
-            if first.faults or watched
-            else None
+        self._bound = information_bound.empty_information_bound(
+            worlds if first.faults or watched else 0, agents, self.ring
         )
-        self._bodies = physics.Bodies(
-            self.flying, self.position, self.velocity, self.command, self.condition.ability
-        )
-        self._ground = physics.Ground(self.goal_x, self.obstacle_count, self.obstacles)
-        self._standard = referee.Standard(
-            self.layout.offsets, self.layout.parent, self.layout.is_leaf, self.layout.spacing, first.edge_tolerance,
-            first.limits.collision_m,
-        )  # fmt: skip
-        self._clocks = medium.Clocks(self._seeds, self.tick, self.active)
-        self._air = medium.Air(
-            self.flying, self.condition.group, self.condition.loss, self.position, self._sent, self.fates
+        limits, layout = first.limits, self.layout
+        self._stage = by_reference(
+            _Stage(
+                medium.Clocks(
+                    np.array([mission.seed for mission in missions], np.int64), self.tick, self.active
+                ),
+                self.responsive,
+                np.zeros(self.shape, np.bool_),
+                self.claim,
+                self.target,
+                first.target.speed_mps,
+                physics.Bodies(
+                    self.flying, self.position, self.velocity, self.command, self.condition.ability
+                ),
+                physics.Ground(self.goal_x, self.obstacle_count, self.obstacles),
+                limits.acceleration_mps2,
+                limits.speed_mps,
+                first.sensing.range_m,
+                first.sensing.neighbours == "sensed",
+                self.sensed,
+                link,
+                medium.Air(
+                    self.flying, self.condition.group, self.condition.loss, self.position,
+                    np.zeros(self.shape, np.int64), self.fates,
+                ),
+                np.zeros((worlds, agents, agents), np.bool_),
+                queue,
+                self.tally,
+                self._sizes,
+                self.inbox_start,
+                self.inbox,
+                referee.Standard(
+                    layout.offsets, layout.parent, layout.is_leaf, layout.spacing, first.edge_tolerance,
+                    limits.collision_m,
+                ),
+                self._findings,
+                self._bound,
+            )
         )  # fmt: skip
         self._judgements = [Judgement(mission) for mission in missions]
         self.outcomes: list[Outcome | None] = [None] * worlds
@@ -198,8 +274,8 @@ class WorldCore:
             faults.strike(event, self.condition, self.velocity, self.command)
             if event.fault.kind == "kill":
                 self._fell(event.world, agents)
-            elif event.fault.kind == "restart" and self._information_bound:
-                self._information_bound.latest[event.world, agents] = information_bound.NEVER
+            elif event.fault.kind == "restart":
+                self._bound.latest[event.world, agents] = information_bound.NEVER
         return events
 
     def _fell(self, world: int, agents: list[int]) -> None:
@@ -223,49 +299,16 @@ class WorldCore:
 
     def perceive(self) -> Inbox:
         """Fill ``sensed`` with what every flying drone of an active world senses now; return what they hear."""
-        self._sense()
-        return self._deliver()
-
-    def _sense(self) -> None:
-        mission = self.missions[0]
-        physics.sense(
-            self.active, self._bodies, self._ground, mission.sensing.range_m, mission.sensing.neighbours == "sensed",
-            self.sensed,
-        )  # fmt: skip
-
-    def _deliver(self) -> Inbox:
-        hears = self.responsive & self.flying
-        total = medium.deliver(
-            self.tick,
-            self.active,
-            hears,
-            self._sizes,
-            self._queue,
-            self.tally,
-            self.inbox_start,
-            self.inbox,
-        )
-        if self._information_bound:
-            information_bound.spread(
-                self._information_bound, self.tick, self.active, self.inbox_start, self.inbox
-            )
+        total = _perceive(self._stage)
         return Inbox(self.inbox_start, self.inbox[:total])
 
     def could_know(self, world: int) -> NDArray[np.int32] | None:
         """(N, N): of which tick of drone j (column) drone i could know by now; None in a mission without faults."""
-        return self._information_bound.latest[world] if self._information_bound else None
+        return self._bound.latest[world] if len(self._bound.latest) else None
 
     def advance(self, answers: Answers) -> list[int]:
         """Move all worlds by one tick; return those whose flight has just ended."""
-        mission, limits = self.missions[0], self.missions[0].limits
-        said = _Said(answers.command, answers.sent_bytes, answers.claim)
-        _take_answers(self.tick, self.responsive, self._bodies, said, self._sent, self._sizes, self.claim)
-        medium.relay(self._link, self._clocks, self._air, self._bad, self._queue, self.tally)
-        physics.move(self.active, self._bodies, limits.acceleration_mps2, limits.speed_mps, TICK_S)
-        _next_tick(self.active, self.tick, self.target, mission.target.speed_mps)
-        referee.judge(
-            self.active, self._bodies, self.claim, self._ground, self.target, self._standard, self._findings
-        )
+        _advance(answers.command, answers.sent_bytes, answers.claim, self._stage)
         return self._settle()
 
     def _settle(self) -> list[int]:

@@ -89,7 +89,8 @@ class Policy(Protocol):
     """Decides accelerations. The safety filter and the limits come after it.
 
     A policy may have more, and is then told more (agent.core): ``open()``, before the first tick and only in a process that
-    forks no other, is the place to open what must not be forked; ``forget(row)`` says that a row's drone was restarted.
+    forks no other, is the place to open what must not be forked; ``share()``, in a process that will fork, to open what all
+    drones may share; ``forget(row)`` says that a row's drone was restarted.
     ``files``, paths of what besides its code decides what it does, tell evaluations apart. ``many_flights``, if true: one object
     may be handed the rows of several flights that differ in their seeds; otherwise each flight has an object of its own.
     """

@@ -73,8 +73,12 @@ class Learned(Compiled):
             Planner(self._replan, self._following, self._history, self._question, self._plans, self._wanted)
         )
 
+    def share(self) -> None:
+        """As `open`: a session on one thread may be forked."""
+        self.open()
+
     def open(self) -> None:
-        """Make the model ready to run. A policy that is not opened plans to fly straight on.
+        """Make the model ready to run.
 
         Raises:
             PolicyError: the model cannot be run.
@@ -99,10 +103,7 @@ class Learned(Compiled):
 
     def _plan(self, tick: int, arrays: TickArrays, first: int, end: int) -> None:
         inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}
-        if self._session:
-            displacement, acceleration = self._session.run(_OUTPUTS, inputs)
-        else:
-            displacement = acceleration = np.zeros((end - first, self.model.facts.horizon, 2), np.float32)
+        displacement, acceleration = self._session.run(_OUTPUTS, inputs)
         take_plans(tick, first, arrays, self._planner, displacement, acceleration)
 
     def forget(self, row: int) -> None:

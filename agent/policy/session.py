@@ -1,10 +1,11 @@
 """The one place that runs models: ONNX Runtime, on one thread and without reports to its makers.
 
-An open session must never exist in a process that forks afterwards. Importing this module beforehand is right: what is
-forked then shares the library.
+On one thread it may be open in a process that forks afterwards: what is forked shares it, weights and all. Two threads could not
+be forked.
 """
 
 import os
+from functools import lru_cache
 
 # It must be said before the import, which would start a thread, keep a database and send usage reports.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
@@ -14,8 +15,9 @@ import onnxruntime
 _NOWHERE = "/nonexistent"  # where a model finds weights that lie in other files: what flies is what was read and hashed
 
 
+@lru_cache(maxsize=4)
 def open_session(data: bytes) -> onnxruntime.InferenceSession:
-    """Make a model ready to run from the bytes of its file.
+    """Make a model ready to run from the bytes of its file. Opened once, it is kept: drones forked afterwards share it.
 
     One thread in one order: its results depend on the inputs alone, and those of a row not on the rows beside it.
 

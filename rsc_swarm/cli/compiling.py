@@ -11,6 +11,7 @@ from protocols.kernels import Kernel, compiling_watched
 from protocols.mission.document import Mission, parse_mission
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.show.progress import Meter
+from world.server.questions import Questions, empty_frames
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
 
@@ -45,6 +46,8 @@ def _fly(mission: Mission) -> None:
     flight = Simulation([mission], rehearsal=True)
     for _ in range(3):
         flight.tick()
+    world = flight.world
+    Questions(world, empty_frames(world)).write(0, 0, world.rows_awake, [0] * mission.agents)
 
 
 @contextmanager
@@ -59,13 +62,15 @@ def _counting() -> Iterator[None]:
 
 
 def _loaded() -> set[int]:
-    """The rules of all modules that are loaded, by id."""
+    """The rules of all modules that are loaded and that no other of them calls, by id."""
     modules = [module for name, module in sys.modules.items() if name.split(".")[0] in _PACKAGES]
-    return {id(rule) for module in modules for rule in vars(module).values() if _is_rule(rule)}
+    rules = [rule for module in modules for rule in vars(module).values() if _is_rule(rule)]
+    called = {name for rule in rules for name in rule.py_func.__code__.co_names}
+    return {id(rule) for rule in rules if not rule.inlined and rule.__name__ not in called}
 
 
 def _is_rule(thing: Any) -> bool:
-    return isinstance(thing, Kernel) and thing.is_ours and not thing.inlined
+    return isinstance(thing, Kernel) and thing.is_ours
 
 
 class _Counter:
@@ -78,10 +83,9 @@ class _Counter:
 
     def compiled(self, rule: Kernel) -> None:
         """A rule is compiled."""
-        if _is_rule(rule):
-            self._ready += 1
-            if self._meter.due():
-                self._meter.draw(self._ready, self._text())
+        self._ready += 1
+        if self._meter.due():
+            self._meter.draw(self._ready, self._text())
 
     def close(self) -> None:
         """Take the bar away."""

@@ -130,9 +130,19 @@ def test_a_wide_model_gets_the_wide_view(notebook: Notebook, tmp_path: Path) -> 
     assert question["extra"][0, :3] == pytest.approx([-0.8, 0.0, 0.8])
 
 
-def test_a_rehearsal_loads_everything_and_opens_nothing(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:
-    monkeypatch.setattr(session, "open_session", lambda data: pytest.fail("opened"))
+def test_what_is_forked_after_a_rehearsal_shares_the_open_model(model: Path) -> None:
+    session.open_session.cache_clear()
     Simulation([task(model)], rehearsal=True).tick()
+    for _ in range(2):
+        Simulation([task(model)]).tick()
+    assert session.open_session.cache_info().misses == 1
+
+
+def test_an_open_model_starts_no_thread_so_it_may_be_forked(model: Path) -> None:
+    session.open_session.cache_clear()
+    before = len(os.listdir("/proc/self/task"))
+    session.open_session(model.read_bytes())
+    assert len(os.listdir("/proc/self/task")) == before
 
 
 # --- flying ------------------------------------------------------------------------------------------------

@@ -23,17 +23,9 @@ with compiling._counting():
 """
 # Flies in several ways, and prints which rules had to be compiled for it.
 FLY = """
-from numba.core.event import Listener, install_listener
-from protocols.kept import Kept
+from protocols.kernels import compiling_watched
 
-class Compiled(Listener):
-    on_start = lambda self, event: None
-    def on_end(self, event):
-        rule = event.data["dispatcher"]
-        if isinstance(getattr(rule, "_cache", None), Kept):
-            print(rule.py_func.__qualname__)
-
-with install_listener("numba:compile", Compiled()):
+with compiling_watched(lambda rule: print(rule.__qualname__)):
     import rsc_swarm as rs
     from agent.process import rehearse
     from rsc_swarm.batch.batch import Batch
@@ -64,6 +56,7 @@ def test_a_bar_counts_the_rules_from_the_first_moment(tmp_path: Path) -> None:
     assert gone == "gone"
 
 
-def test_after_a_warm_up_nothing_is_left_to_compile() -> None:
+def test_after_a_warm_up_nothing_is_left_to_compile_and_the_compiler_is_not_loaded() -> None:
     assert run("-m", "rsc_swarm", "warm-up") == "all rules are compiled\n"
-    assert run("-c", FLY) == ""
+    loaded = "import sys; print('numba' in sys.modules, 'protocols.compiler' in sys.modules)"
+    assert run("-c", FLY + loaded) == "False False\n"
