@@ -204,10 +204,9 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
     leaves, call, names = _call_of(given)
     names["rule"] = rule
     drafted = _draft(f"return rule({call})", names, leaves)
-    returned: Any = drafted.signature.return_type
-    kinds = list(
-        map(types.unliteral, returned.types if isinstance(returned, types.BaseTuple) else [returned])
-    )
+    returned = drafted.signature.return_type
+    several = isinstance(returned, types.BaseTuple)
+    kinds = [types.unliteral(kind) for kind in (cast(Any, returned).types if several else [returned])]
     if len(kinds) > 1:  # they are left where one more argument each points to
         ways = "; ".join(f"given.a{len(leaves) + n}[0] = results[{n}]" for n in range(len(kinds)))
         drafted = _draft(

@@ -6,7 +6,6 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from agent.policy import files_of, find_policy
@@ -54,7 +53,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _digest(files: list[Path]) -> str:
-    versions = f"{numba.__version__} {np.__version__} {version('onnxruntime')}"
+    versions = f"{version('numba')} {np.__version__} {version('onnxruntime')}"
     digest = hashlib.blake2b(versions.encode(), digest_size=8)
     for file in files:
         digest.update(file.read_bytes())
