@@ -6,7 +6,7 @@ runs it needs no compiler.
 
 import hashlib
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, cast
 
@@ -22,7 +22,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 from numba.np.arrayobj import populate_array
 
-from protocols.machine_code import MachineCode
+from protocols.machine_code import MachineCode, Result
 
 # Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
 _RULE = {
@@ -204,17 +204,29 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
     leaves, call, names = _call_of(given)
     names["rule"] = rule
     drafted = _draft(f"return rule({call})", names, leaves)
-    returned = drafted.signature.return_type
-    several = isinstance(returned, types.BaseTuple)
-    kinds = [types.unliteral(kind) for kind in (cast(Any, returned).types if several else [returned])]
-    if len(kinds) > 1:  # they are left where one more argument each points to
-        ways = "; ".join(f"given.a{len(leaves) + n}[0] = results[{n}]" for n in range(len(kinds)))
-        drafted = _draft(
-            f"results = rule({call}); {ways}",
-            names,
-            [*leaves, *(types.Array(kind, 1, "C") for kind in kinds)],
-        )
-    return MachineCode(_SYMBOL, tuple(_RESULTS[kind] for kind in kinds), _machine_code(drafted))
+    result = _result_of(drafted.signature.return_type)
+    if isinstance(result, tuple):  # they are left where one more argument each points to
+        places = list(_places(drafted.signature.return_type, "result"))
+        ways = "; ".join(f"given.a{len(leaves) + n}[0] = {place}" for n, (place, _) in enumerate(places))
+        out = [types.Array(kind, 1, "C") for _, kind in places]
+        drafted = _draft(f"result = rule({call}); {ways}", names, [*leaves, *out])
+    return MachineCode(_SYMBOL, result, _machine_code(drafted))
+
+
+def _result_of(kind: Any) -> Result:
+    """What a rule of this type returns."""
+    if isinstance(kind, types.BaseTuple):
+        return tuple(map(_result_of, cast(Any, kind).types))
+    return _RESULTS[types.unliteral(kind)]
+
+
+def _places(kind: Any, place: str) -> Iterator[tuple[str, types.Type]]:
+    """Each single result, as an expression, and its type."""
+    if isinstance(kind, types.BaseTuple):
+        for index, part in enumerate(cast(Any, kind).types):
+            yield from _places(part, f"{place}[{index}]")
+    else:
+        yield place, types.unliteral(kind)
 
 
 def _call_of(given: tuple[Any, ...]) -> tuple[list[types.Type], str, dict[str, Any]]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.kept import Kept, is_ours
-from protocols.machine_code import MachineCode, linked
+from protocols.machine_code import MachineCode, Result, linked
 
 _LINKER = "libllvmlite"
 _KINDS = {"int": np.int64, "uint": np.uint64, "float": np.float64, "bool": np.bool_}  # of results
@@ -138,20 +138,30 @@ def is_kept(rule: Callable[..., Any]) -> bool:
 
 def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
     """What runs this code with arguments like ``given``."""
-    function, words = linked(code), "".join(map(_format_of, given))
-    if len(code.results) == 1:
+    function, words, result = linked(code), "".join(map(_format_of, given)), code.result
+    if isinstance(result, str):
         pack = struct.Struct(words).pack
         return lambda given: function(pack(*_words(given)))
 
-    kinds = [_KINDS[result] for result in code.results]
+    kinds = list(_flat(result))
     pack_all = struct.Struct(words + "Qqq" * len(kinds)).pack
 
-    def form(given: tuple[Any, ...]) -> tuple[Any, ...]:
-        results: list[NDArray[Any]] = [np.zeros(1, kind) for kind in kinds]
-        function(pack_all(*_words((*given, *results))))
-        return tuple(result[0].item() for result in results)
+    def form(given: tuple[Any, ...]) -> Any:
+        found: list[NDArray[Any]] = [np.zeros(1, _KINDS[kind]) for kind in kinds]
+        function(pack_all(*_words((*given, *found))))
+        return _shaped(result, iter([one[0].item() for one in found]))
 
     return form
+
+
+def _flat(result: Result) -> Iterator[str]:
+    for part in (result,) if isinstance(result, str) else result:
+        yield from (part,) if isinstance(part, str) else _flat(part)
+
+
+def _shaped(result: Result, found: Iterator[Any]) -> Any:
+    """What was found, in tuples as the rule returns it."""
+    return next(found) if isinstance(result, str) else tuple(_shaped(part, found) for part in result)
 
 
 # --- what arguments are like -----------------------------------------------------------------------------------

@@ -13,12 +13,16 @@ _C_TYPES = {
 _libraries: list[Any] = []  # code is gone when its library is
 
 
+Result = str | tuple["Result", ...]
+
+
 class MachineCode(NamedTuple):
-    """A compiled rule: an object file, the function in it, and what that returns; several results are left in 8 bytes each where
-    as many last words of its argument point to."""
+    """A compiled rule: an object file, the function in it, and what that returns: none, bool, int, uint or float. Of a tuple of
+    them each is left in 8 bytes of its own, as many arrays at the end of what is given.
+    """
 
     symbol: str
-    results: tuple[str, ...]
+    result: Result
     object: bytes
 
 
@@ -44,5 +48,5 @@ def linked(code: MachineCode) -> Callable[[bytes], Any]:
     builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
     library = builder.export_symbol(code.symbol).link(_linker(), f"rule-{len(_libraries)}")
     _libraries.append(library)
-    result = _C_TYPES[code.results[0]] if len(code.results) == 1 else None
+    result = _C_TYPES[code.result] if isinstance(code.result, str) else None
     return ctypes.PYFUNCTYPE(result, ctypes.c_char_p)(library[code.symbol])
