@@ -23,10 +23,10 @@ from rsc_swarm.errors import NAMED, error_of
 from rsc_swarm.flight.events import Event, end_told, events_of
 from rsc_swarm.flight.in_process import fly_together
 from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import FlightReport, report_of
 from rsc_swarm.flight.simulate import flights_at_once
 from rsc_swarm.missions import mission_file
-from rsc_swarm.show.plots.flight import Track
 from rsc_swarm.show.plots.flight import draw as draw_tracks
 from rsc_swarm.study import evaluate as study
 from rsc_swarm.study.evaluate import Evaluation
@@ -263,5 +263,6 @@ def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
     draw_tracks([_track(flight) for flight in several], Path(out))
 
 
-def _track(flight: Flight) -> Track:
-    return Track(flight.mission, flight.trajectory, flight.report.tau_s, flight.report.failure)
+def _track(flight: Flight) -> Recorded:
+    report = flight.report
+    return Recorded(flight.mission, flight.trajectory, end_told(report), report.tau_s, report)

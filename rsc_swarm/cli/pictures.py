@@ -1,17 +1,21 @@
 """What ``rsc-swarm plot`` draws: find or fly what is to be seen, then draw it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from types import MappingProxyType
 
-from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from protocols.mission.document import Mission
+from rsc_swarm.flight.events import end_of
+from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.options import MissionOptions, chosen, flag, resolve
 from rsc_swarm.show.plots.curves import draw_curves, draw_horizons
-from rsc_swarm.show.plots.flight import Track, draw
+from rsc_swarm.show.plots.film import Film, film
+from rsc_swarm.show.plots.flight import draw
 from rsc_swarm.show.plots.style import PlotError
+from rsc_swarm.show.progress import Meter
 from world.outlets.recorder import Recorder
-from world.outlets.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -29,11 +33,17 @@ class Subject:
         return [flag(entry.name) for entry in fields(self) if getattr(self, entry.name)]
 
 
-def run(options: MissionOptions, out: Path | None, subject: Subject) -> None:
-    """Draw ``subject`` into ``out``.
+def make(
+    options: MissionOptions,
+    out: Path | None,
+    subject: Subject,
+    films: Mapping[Film, Path] = MappingProxyType({}),
+) -> None:
+    """Draw ``subject`` into ``out``, and make ``films`` of it; of films alone no picture is drawn unless ``out`` is given.
 
     Raises:
-        PlotError, MissionError, RunDirError, rsc_swarm.study.tables.result.TableError: one line says what is wrong.
+        PlotError, MissionError, RunDirError, TrajectoryError, WriteError, rsc_swarm.study.tables.result.TableError: one line
+            says what is wrong.
     """
     if len(subject.given) > 1:
         raise PlotError(f"{' '.join(subject.given)}: these are different pictures; give one")
@@ -42,10 +52,42 @@ def run(options: MissionOptions, out: Path | None, subject: Subject) -> None:
         raise PlotError(
             f"{' '.join(others)}: {subject.given[0]} draws what was flown already; give the one or the other"
         )
-    out = out or Path(f"{subject.given[0].removeprefix('--')}.png" if subject.given else "flight.png")
-    if out.is_dir() or not out.absolute().parent.is_dir():
-        raise PlotError(f"--out {out}: give a file in a directory that exists")
-    print(f"{out}: {_draw(options, out, subject)}")
+    default = f"{subject.given[0].removeprefix('--')}.png" if subject.given else "flight.png"
+    picture = out or (None if films else Path(default))
+    files = [*films.items(), *([("out", picture)] if picture else [])]
+    for name, file in files:
+        if file.is_dir() or not file.absolute().parent.is_dir():
+            raise PlotError(f"--{name} {file}: give a file in a directory that exists")
+    if films and (subject.compare or subject.horizons or subject.curve):
+        raise PlotError(f"--{next(iter(films))}: a film shows one flight; leave {subject.given[0]} out")
+    if films:
+        _show(
+            Recorded.load(RunDir(subject.run_dir)) if subject.run_dir else _flown(resolve(options)),
+            picture,
+            films,
+        )
+    elif picture:
+        print(f"{picture}: {_draw(options, picture, subject)}")
+
+
+def _show(track: Recorded, picture: Path | None, films: Mapping[Film, Path]) -> None:
+    """The films of a flight, and its picture."""
+    if picture:
+        draw([track], picture)
+        print(f"{picture}: {track.verdict}")
+    for kind, out in films.items():
+        meter = Meter()
+        meter.begin(f"{out}: drawing")
+
+        def draw_more(done: int, total: int, meter: Meter = meter, out: Path = out) -> None:
+            if meter.due():
+                meter.draw(done / total, f"{out}: picture {done} of {total}")
+
+        try:
+            film(track, out, kind, draw_more)
+        finally:
+            meter.close()
+        print(f"{out}: {track.verdict}")
 
 
 def _draw(options: MissionOptions, out: Path, subject: Subject) -> str:
@@ -59,7 +101,7 @@ def _draw(options: MissionOptions, out: Path, subject: Subject) -> str:
         draw_curves(subject.curve, out)
         return f"{len(subject.curve)} training{'s' if len(subject.curve) > 1 else ''}"
     if subject.run_dir:
-        tracks = [_recorded(RunDir(subject.run_dir))]
+        tracks = [Recorded.load(RunDir(subject.run_dir))]
     elif subject.compare:
         tracks = [_flown(mission) for mission in _sizes(options, subject.compare)]
     else:
@@ -81,16 +123,9 @@ def _sizes(options: MissionOptions, compare: str) -> list[Mission]:
     return [resolve(replace(options, agents=size)) for size in sizes]
 
 
-def _flown(mission: Mission) -> Track:
+def _flown(mission: Mission) -> Recorded:
     from rsc_swarm.flight.in_process import fly
 
     recorder = Recorder(mission)
-    outcome = fly(mission, recorder=recorder).outcome
-    return Track(mission, recorder.trajectory, outcome.tau_s, outcome.failure)
-
-
-def _recorded(folder: RunDir) -> Track:
-    folder.check()
-    mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
-    ended = folder.ended()
-    return Track(mission, Trajectory.load(folder.trajectory), ended.tau_s, ended.failure)
+    flown = fly(mission, recorder=recorder)
+    return Recorded(mission, recorder.trajectory, end_of(flown, mission), flown.outcome.tau_s)

@@ -1,5 +1,6 @@
 """``rsc-swarm plot``: a picture of a flight, a table or a training."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,10 +10,24 @@ from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
 from rsc_swarm.options import MissionOptions
 
 
+@dataclass(frozen=True)
+class FilmOptions:
+    """Films that are to be made of a flight."""
+
+    gif: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Make a film of the flight, at twice its speed.")
+    ] = None
+    mp4: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Make a film of the flight, at its speed; needs ffmpeg."),
+    ] = None
+
+
 @app.command(
     epilog=examples(
         "plot --map 8 --out flight.png",
-        "plot --run-dir flights/1 --out flight.svg",
+        "plot flights/1 --out flight.svg",
+        "plot flights/1 --gif flight.gif",
         "plot --compare 25,36 --map 8",
         "plot --horizons tables/table-1.json",
     )
@@ -20,13 +35,22 @@ from rsc_swarm.options import MissionOptions
 @with_options
 def plot(
     options: MissionOptions,
+    films: FilmOptions,
+    run: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[RUN]",
+            help="A flight that --run-dir has kept; none: fly the mission.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Picture to write: .png, .svg, .pdf. (flight.png)"),
     ] = None,
     run_dir: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Draw the flight recorded here instead of flying the mission."),
+        typer.Option(metavar="DIR", help="The same as RUN."),
     ] = None,
     compare: Annotated[
         str | None,
@@ -46,8 +70,11 @@ def plot(
         typer.Option(metavar="DIR", help="Draw the learning curves of a training; may be repeated."),
     ] = None,
 ) -> None:
-    """Draw a flight: every drone's path, the obstacles, the formation reached. Or a table, or a training."""
+    """Draw a flight: every drone's path, the obstacles, the formation reached, or its film. Or a table, or a training."""
     announce_compiling()
-    from rsc_swarm.cli.pictures import Subject, run
+    from rsc_swarm.cli.pictures import Subject, make
+    from rsc_swarm.show.plots.film import Film
 
-    run(options, out, Subject(run_dir, compare, horizons, tuple(curve or ())))
+    wanted: dict[Film, Path | None] = {"gif": films.gif, "mp4": films.mp4}
+    asked = {kind: file for kind, file in wanted.items() if file}
+    make(options, out, Subject(run or run_dir, compare, horizons, tuple(curve or ())), asked)

@@ -46,6 +46,26 @@ class Recorded:
             return cls(mission, path, End(ended.failure, f"{told} after {path.times[-1]:.2f} s"), ended.tau_s)
         return cls(mission, path, end_told(report), report.tau_s, report)
 
+    @property
+    def failure(self) -> str | None:
+        """What ended it; None after a success."""
+        return self.end.failure
+
+    @property
+    def verdict(self) -> str:
+        """How it ended, in a few words."""
+        drones = "1 drone" if self.mission.agents == 1 else f"{self.mission.agents} drones"
+        if self.tau_s is None or self.failure:
+            return f"{drones}: {(self.failure or 'unknown end').replace('-', ' ')}"
+        where = "at the goal" if self.mission.agents == 1 else "in formation"
+        return f"{drones}, {where} after {self.tau_s:.1f} s"
+
+    @property
+    def final_row(self) -> int:
+        """The row of success, else the last."""
+        last = len(self.path.slots) - 1
+        return last if self.tau_s is None else min(last, round(self.tau_s / self.path.tick_s))
+
     @cached_property
     def events(self) -> list[Event]:
         """What happened, in order."""

@@ -2,6 +2,8 @@
 
 import json
 import sys
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,12 +11,14 @@ import pytest
 from protocols.mission.document import Mission
 from rsc_swarm.cli import pictures as plot_command
 from rsc_swarm.cli.pictures import Subject
+from rsc_swarm.flight.events import End
 from rsc_swarm.flight.in_process import fly
+from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.options import MissionOptions
 from rsc_swarm.show.plots.curves import read_curve
-from rsc_swarm.show.plots.events import collision_place
-from rsc_swarm.show.plots.flight import Track, _edges, draw, free_place
+from rsc_swarm.show.plots.film import film
+from rsc_swarm.show.plots.flight import draw, edges, free_place
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.evaluate import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
@@ -23,15 +27,17 @@ from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory, TrajectoryError
 
 pytest.importorskip("matplotlib")
+Image = pytest.importorskip("PIL.Image")
 
 PNG = b"\x89PNG\r\n"
 
 
-def flown(tmp_path, mission: Mission) -> Track:
+def flown(tmp_path, mission: Mission) -> Recorded:
     recorder = Recorder(mission)
     outcome = fly(mission, recorder=recorder).outcome
     recorder.save(tmp_path / "trajectory.npz")
-    return Track(mission, Trajectory.load(tmp_path / "trajectory.npz"), outcome.tau_s, outcome.failure)
+    path = Trajectory.load(tmp_path / "trajectory.npz")
+    return Recorded(mission, path, End(outcome.failure, ""), outcome.tau_s)
 
 
 def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
@@ -51,9 +57,9 @@ def test_a_flight_with_everything_that_can_happen_is_drawn(tmp_path):
 def test_only_edges_between_flying_drones_are_drawn(tmp_path):
     mission = Mission(agents=9, fly_s=1.0, faults=[{"at_s": 0.5, "kind": "kill", "slots": [4]}])
     track = flown(tmp_path, mission)
-    assert len(_edges(track.path, mission.layout, 0)) == 8
+    assert len(edges(track.path, mission.layout, 0)) == 8
     parent = mission.layout.parent
-    assert len(_edges(track.path, mission.layout, -1)) == 8 - (parent[4] >= 0) - (parent == 4).sum()
+    assert len(edges(track.path, mission.layout, -1)) == 8 - (parent[4] >= 0) - (parent == 4).sum()
 
 
 def texts(figure) -> list[str]:
@@ -94,7 +100,7 @@ def test_a_collision_is_marked_where_it_was(tmp_path):
     )
     track = flown(tmp_path, mission)
     assert track.failure == "collision"
-    x, y = collision_place(track.path)
+    x, y = next(event.place_m for event in track.events if event.what == "collision")
     assert np.hypot(x - 12.0, y) - 2.0 == pytest.approx(0.5, abs=0.1)
     draw([track], tmp_path / "crash.png")
 
@@ -106,36 +112,91 @@ def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
     recorder = Recorder(mission)
     fly(mission, recorder=recorder)
     recorder.save(folder.trajectory)
-    plot_command.run(MissionOptions(), tmp_path / "run.png", Subject(run_dir=folder.path))
+    plot_command.make(MissionOptions(), tmp_path / "run.png", Subject(run_dir=folder.path))
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
     assert capsys.readouterr().out == f"{tmp_path / 'run.png'}: 4 drones: interrupted\n"
 
 
 def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
     with pytest.raises(RunDirError, match="no flight recorded here"):
-        plot_command.run(MissionOptions(), tmp_path / "x.png", Subject(run_dir=tmp_path))
+        plot_command.make(MissionOptions(), tmp_path / "x.png", Subject(run_dir=tmp_path))
     with pytest.raises(PlotError, match=r"--map: --run-dir draws what was flown already"):
-        plot_command.run(MissionOptions(map=3), tmp_path / "x.png", Subject(run_dir=tmp_path))
+        plot_command.make(MissionOptions(map=3), tmp_path / "x.png", Subject(run_dir=tmp_path))
     with pytest.raises(PlotError, match="give a file in a directory that exists"):
-        plot_command.run(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
+        plot_command.make(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
     with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
-        plot_command.run(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.xyz", Subject())
+        plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.xyz", Subject())
     (tmp_path / "bad.npz").write_text("not a flight")
     with pytest.raises(TrajectoryError, match="is not a recorded flight"):
         Trajectory.load(tmp_path / "bad.npz")
 
 
+SHORT = Mission(agents=3, fly_s=0.6, faults=[{"at_s": 0.3, "kind": "kill", "agents": [1]}])
+
+
+def test_a_film_shows_a_flight_from_its_start_to_its_end(tmp_path):
+    track, drawn = flown(tmp_path, SHORT), []
+    film(track, tmp_path / "flight.gif", "gif", lambda done, total: drawn.append((done, total)))
+    with Image.open(tmp_path / "flight.gif") as moving:
+        assert moving.n_frames == len(drawn) == 4
+        pictures = []
+        for place in range(4):
+            moving.seek(place)
+            pictures.append(np.asarray(moving.convert("RGB")).astype(int))
+    assert drawn == [(0, 4), (1, 4), (2, 4), (3, 4)]
+    assert all(np.abs(after - before).max() > 100 for before, after in pairwise(pictures))
+
+
+def of_ffmpeg(folder, script: str, monkeypatch) -> None:
+    """There is an ffmpeg that does this."""
+    (folder / "ffmpeg").write_text(f"#!/bin/sh\n{script}\n")
+    (folder / "ffmpeg").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
+
+
+def test_ffmpeg_gets_every_picture_whole(tmp_path, monkeypatch):
+    of_ffmpeg(tmp_path, 'for last; do :; done; cat > "$last"', monkeypatch)
+    film(flown(tmp_path, SHORT), tmp_path / "flight.mp4", "mp4")
+    pictures, rest = divmod(len((tmp_path / "flight.mp4").read_bytes()), 3 * 960)
+    assert rest == 0
+    assert pictures % (16 + 50) == 0, "every 40 ms, and the last one for two seconds more"
+
+
+def test_what_keeps_a_film_from_being_made_is_told_in_one_line(tmp_path, monkeypatch):
+    track, out = flown(tmp_path, SHORT), tmp_path / "flight.mp4"
+    of_ffmpeg(tmp_path, "echo 'Unknown encoder' >&2; exit 1", monkeypatch)
+    with pytest.raises(PlotError, match=rf"^--mp4 {out}: ffmpeg cannot make it \(Unknown encoder\)$"):
+        film(track, out, "mp4")
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(
+        PlotError, match=rf"^--mp4 {out}: needs ffmpeg, which is not here: apt install ffmpeg"
+    ):
+        film(track, out, "mp4")
+    assert not out.exists()
+    with pytest.raises(PlotError, match=r"^--gif: a film shows one flight; leave --compare out$"):
+        plot_command.make(MissionOptions(), None, Subject(compare="4,9"), {"gif": tmp_path / "x.gif"})
+    with pytest.raises(PlotError, match=r"^--gif .*nowhere/x.gif: give a file in a directory that exists$"):
+        plot_command.make(MissionOptions(), None, Subject(), {"gif": tmp_path / "nowhere" / "x.gif"})
+
+
+def test_of_films_alone_no_picture_is_drawn(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), None, Subject(), {"gif": Path("x.gif")})
+    assert [path.name for path in tmp_path.iterdir()] == ["x.gif"]
+    assert capsys.readouterr().out == "x.gif: 1 drone: late\n"
+
+
 def test_two_sizes_are_drawn_to_one_scale(tmp_path, capsys):
     options = MissionOptions(set=["fly_s=0.1"])
-    plot_command.run(options, tmp_path / "two.png", Subject(compare="4,9"))
+    plot_command.make(options, tmp_path / "two.png", Subject(compare="4,9"))
     assert (tmp_path / "two.png").read_bytes().startswith(PNG)
     assert capsys.readouterr().out.endswith("two.png: 4 drones: late; 9 drones: late\n")
     with pytest.raises(PlotError, match="--compare 4,x: write numbers of drones"):
-        plot_command.run(options, tmp_path / "two.png", Subject(compare="4,x"))
+        plot_command.make(options, tmp_path / "two.png", Subject(compare="4,x"))
     with pytest.raises(PlotError, match="--agents: --compare says how many"):
-        plot_command.run(MissionOptions(agents=9), tmp_path / "two.png", Subject(compare="4,9"))
+        plot_command.make(MissionOptions(agents=9), tmp_path / "two.png", Subject(compare="4,9"))
     with pytest.raises(PlotError, match="--run-dir --compare: these are different pictures"):
-        plot_command.run(options, tmp_path / "two.png", Subject(run_dir=tmp_path, compare="4,9"))
+        plot_command.make(options, tmp_path / "two.png", Subject(run_dir=tmp_path, compare="4,9"))
 
 
 def horizon_row(name: str, way: str, rate: float) -> RowResult:
@@ -155,18 +216,18 @@ def test_success_against_horizon_is_drawn_from_a_table(tmp_path, capsys):
         for way in ("ours", "as in the paper")
     ]
     write_table(tmp_path, TableResult(table="1", title="", rows=tuple(rows)), "")
-    plot_command.run(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
+    plot_command.make(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
     assert (tmp_path / "h.png").read_bytes().startswith(PNG)
     write_table(tmp_path, TableResult(table="1", title="", rows=(horizon_row("Saber", "", 0.1),)), "")
     with pytest.raises(PlotError, match="table 1 has no RSC rows yet"):
-        plot_command.run(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
+        plot_command.make(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
 
 
 def test_learning_curves_are_drawn_from_what_training_wrote(tmp_path):
     line = {"updates": 0, "seconds": 0.1, "loss": 1.0, "mae_m": 1e-3, "mixing": 1.0, "success": None}
     path = tmp_path / "curve.jsonl"
     path.write_text("".join(f"{json.dumps({**line, 'update': update})}\n" for update in (0, 100, 200)))
-    plot_command.run(MissionOptions(), tmp_path / "c.png", Subject(curve=(tmp_path, tmp_path)))
+    plot_command.make(MissionOptions(), tmp_path / "c.png", Subject(curve=(tmp_path, tmp_path)))
     assert (tmp_path / "c.png").read_bytes().startswith(PNG)
     path.write_text("no curve\n")
     with pytest.raises(PlotError, match="is not the curve of a training"):

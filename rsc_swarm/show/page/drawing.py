@@ -119,7 +119,7 @@ def drawing(recorded: Recorded) -> Drawing:
     """The map of a flight."""
     paper, path = _Paper(recorded), recorded.path
     hues = _hues(path.positions[0, :, 1])
-    end = _end(recorded)
+    end = recorded.final_row
     keep_off = recorded.mission.limits.collision_m
     return Drawing(
         round(paper.width), round(paper.height),
@@ -136,13 +136,6 @@ def drawing(recorded: Recorded) -> Drawing:
         tuple((f"{value:g}", paper.y(value)) for value in ticks(paper.low[1], paper.high[1], max(2, int(paper.height / 60)))),
         _TOP, paper.height - _BOTTOM, _LEFT,
     )  # fmt: skip
-
-
-def _end(recorded: Recorded) -> int:
-    """The row of success, else the last."""
-    last = len(recorded.path.slots) - 1
-    tau_s = recorded.tau_s
-    return last if tau_s is None else min(last, round(tau_s / recorded.path.tick_s))
 
 
 def _hues(start_y: NDArray[np.float64]) -> list[int]:
@@ -188,10 +181,13 @@ def _moment(recorded: Recorded, paper: _Paper, hues: list[int], tick: int) -> Mo
 
 
 def _marks(recorded: Recorded, paper: _Paper) -> tuple[Mark, ...]:
-    marks = []
+    marks: list[Mark] = []
     for place, event in enumerate(recorded.events):
         if event.place_m is not None and event.what in _MARKED:
             number = event.agents[0] if event.what in _NUMBERED else None
             text = f"{event.time_s:.2f} s: {event.text}"
-            marks.append(Mark(place, event.what, *paper.at(event.place_m), text, number))
+            places = [event.place_m]
+            if event.slots:  # on the paths of both
+                places = recorded.path.positions[event.tick, list(event.agents)].tolist()
+            marks += [Mark(place, event.what, *paper.at(at), text, number) for at in places]
     return tuple(marks)

@@ -4,15 +4,14 @@ Drones and obstacles carry the numbers by which reports speak of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.mission.document import Mission
 from protocols.mission.formation import NO_PARENT, Formation
+from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.show.plots.events import draw_events, event_handles
 from rsc_swarm.show.plots.style import ALARM, FAINT, INK, ROCK, bare, halo, key, new_figure, number, save
 from world.outlets.trajectory import Trajectory
@@ -24,38 +23,13 @@ _SMALLEST_M = 12.0  # a swarm that hardly moves is not drawn larger than life
 _APART_M = 2.0  # what is nearer than this would be written over
 
 
-@dataclass(frozen=True)
-class Track:
-    """A recorded flight and how it ended. tau_s: None without success."""
-
-    mission: Mission
-    path: Trajectory
-    tau_s: float | None
-    failure: str | None
-
-    @property
-    def verdict(self) -> str:
-        """How it ended, in a few words."""
-        drones = "1 drone" if self.mission.agents == 1 else f"{self.mission.agents} drones"
-        if self.tau_s is None or self.failure:
-            return f"{drones}: {(self.failure or 'unknown end').replace('-', ' ')}"
-        where = "at the goal" if self.mission.agents == 1 else "in formation"
-        return f"{drones}, {where} after {self.tau_s:.1f} s"
-
-    @property
-    def end(self) -> int:
-        """The tick of success, else the last."""
-        last = len(self.path.positions) - 1
-        return last if self.tau_s is None else min(last, round(self.tau_s / self.path.tick_s))
-
-
-def draw(tracks: Sequence[Track], out: Path) -> None:
+def draw(tracks: Sequence[Recorded], out: Path) -> None:
     """Draw flights, one below the other and to the same scale, into the file ``out``.
 
     Raises:
         PlotError: matplotlib is missing, or cannot write this file.
     """
-    frames = [_frame(track.path) for track in tracks]
+    frames = [bounds(track.path) for track in tracks]
     left, right = min(low[0] for low, _ in frames), max(high[0] for _, high in frames)
     heights = [float(high[1] - low[1]) for low, high in frames]
     across = _WIDTH / (right - left)
@@ -69,18 +43,18 @@ def draw(tracks: Sequence[Track], out: Path) -> None:
     save(figure, out)
 
 
-def _draw_flight(axes: Any, track: Track) -> None:
+def _draw_flight(axes: Any, track: Recorded) -> None:
     bare(axes)
-    _draw_field(axes, track)
+    draw_field(axes, track)
     _draw_midway(axes, track)
-    _draw_paths(axes, track.path, track.end)
+    _draw_paths(axes, track.path, track.final_row)
     _draw_formation(axes, track)
-    draw_events(axes, track.path, track.mission, track.failure == "collision")
+    draw_events(axes, track)
     axes.set_title(track.verdict, loc="left", fontsize=12, color=ALARM if track.failure else INK, pad=10)
     _draw_legend(axes, track)
 
 
-def _frame(path: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds(path: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lower left and upper right corner of what must be seen."""
     points = [path.positions.reshape(-1, 2)]
     for disc in path.obstacles:
@@ -91,7 +65,7 @@ def _frame(path: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return low - margin, high + margin
 
 
-def _colours(path: Trajectory) -> NDArray[np.float64]:
+def colours(path: Trajectory) -> NDArray[np.float64]:
     """(N, 4) one colour per drone, in the order of their starts from right to left."""
     from matplotlib import colormaps
 
@@ -99,7 +73,7 @@ def _colours(path: Trajectory) -> NDArray[np.float64]:
     return np.asarray(colormaps[_COLOURS](0.06 + 0.88 * rank / max(1, len(rank) - 1)))
 
 
-def _draw_field(axes: Any, track: Track) -> None:
+def draw_field(axes: Any, track: Recorded) -> None:
     from matplotlib.patches import Circle
 
     for index, (x, y, radius) in enumerate(track.path.obstacles):
@@ -121,7 +95,7 @@ def free_place(discs: NDArray[np.float64], index: int) -> NDArray[np.float64]:
     return np.asarray(middle + 0.6 * radius * away / length if length > 0 else middle)
 
 
-def _edges(path: Trajectory, layout: Formation, tick: int) -> list[NDArray[np.float64]]:
+def edges(path: Trajectory, layout: Formation, tick: int) -> list[NDArray[np.float64]]:
     """Tree edges at ``tick`` as (2, 2) pairs of points, between the drones that claim the slots and fly."""
     holder = {int(slot): agent for agent, slot in enumerate(path.slots[tick]) if path.flying[tick, agent]}
     return [
@@ -131,17 +105,17 @@ def _edges(path: Trajectory, layout: Formation, tick: int) -> list[NDArray[np.fl
     ]
 
 
-def _draw_midway(axes: Any, track: Track) -> None:
+def _draw_midway(axes: Any, track: Recorded) -> None:
     """The swarm half-way, and when each of the three moments shown was; of a flight too short for that only its end."""
     from matplotlib.collections import LineCollection
 
-    path, middle = track.path, track.end // 2
-    _write_time(axes, path, track.end)
-    if np.linalg.norm(np.ptp(path.positions[[0, track.end]].mean(axis=1), axis=0)) < _SMALLEST_M:
+    path, middle = track.path, track.final_row // 2
+    _write_time(axes, path, track.final_row)
+    if np.linalg.norm(np.ptp(path.positions[[0, track.final_row]].mean(axis=1), axis=0)) < _SMALLEST_M:
         return
-    edges = _edges(path, track.mission.layout, middle)
-    axes.add_collection(LineCollection(edges, colors=ROCK, lw=1.0, alpha=0.75, zorder=5))
-    for agent, colour in enumerate(_colours(path)):
+    lines = edges(path, track.mission.layout, middle)
+    axes.add_collection(LineCollection(lines, colors=ROCK, lw=1.0, alpha=0.75, zorder=5))
+    for agent, colour in enumerate(colours(path)):
         if path.flying[middle, agent]:
             axes.plot(*path.positions[middle, agent], "o", ms=5, color=colour, mec="white", mew=0.7, zorder=6)
     for tick in (0, middle):
@@ -165,7 +139,7 @@ def _draw_paths(axes: Any, path: Trajectory, end: int) -> None:
 
     agents = path.flying.shape[1]
     width = 1.6 if agents <= 36 else 1.0
-    for agent, colour in enumerate(_colours(path)):
+    for agent, colour in enumerate(colours(path)):
         way = path.positions[path.flying[:, agent], agent][::_SMOOTH_TICKS]
         pieces = np.stack([way[:-1], way[1:]], axis=1)
         shades = np.tile(colour, (len(pieces), 1))
@@ -176,20 +150,20 @@ def _draw_paths(axes: Any, path: Trajectory, end: int) -> None:
             number(axes, agent, path.positions[0, agent], colour=ROCK)
 
 
-def _draw_formation(axes: Any, track: Track) -> None:
+def _draw_formation(axes: Any, track: Recorded) -> None:
     """The moment of success, or the end: every drone with its number, and the tree that joins them."""
     from matplotlib.collections import LineCollection
 
-    path, tick = track.path, track.end
-    edges = _edges(path, track.mission.layout, tick)
-    axes.add_collection(LineCollection(edges, colors=INK, lw=1.4, zorder=5))
-    for agent, colour in enumerate(_colours(path)):
+    path, tick = track.path, track.final_row
+    lines = edges(path, track.mission.layout, tick)
+    axes.add_collection(LineCollection(lines, colors=INK, lw=1.4, zorder=5))
+    for agent, colour in enumerate(colours(path)):
         if path.flying[tick, agent]:
             axes.plot(*path.positions[tick, agent], "o", ms=7, color=colour, mec=INK, mew=1.0, zorder=6)
             number(axes, agent, path.positions[tick, agent])
 
 
-def _draw_legend(axes: Any, track: Track) -> None:
+def _draw_legend(axes: Any, track: Recorded) -> None:
     """Explain what is there, and only that."""
     end = "at the end" if track.failure or track.mission.agents == 1 else "in formation"
     handles = [
@@ -197,7 +171,7 @@ def _draw_legend(axes: Any, track: Track) -> None:
         key(
             end, marker="o", ms=7, color=INK, mfc="white", mec=INK, lw=1.4 if track.mission.agents > 1 else 0
         ),
-        *event_handles(track.path, track.mission),
+        *event_handles(track),
     ]
     if len(track.path.obstacles):
         handles.append(key("obstacle", marker="o", ms=8, color=ROCK, lw=0))

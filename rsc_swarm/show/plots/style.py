@@ -67,9 +67,9 @@ def number(
     place: Sequence[float] | NDArray[np.float64],
     colour: str = INK,
     centred: bool = False,
-) -> None:
+) -> Any:
     """Write the number of a drone or an obstacle: beside ``place`` (m), where no edge of a formation runs, or on it."""
-    axes.annotate(
+    return axes.annotate(
         str(value), (float(place[0]), float(place[1])), (0, 0) if centred else (4, 4), textcoords="offset points",
         ha="center" if centred else "left", va="center" if centred else "bottom", fontsize=7.5, color=colour,
         path_effects=halo(ROCK if centred else "white"), annotation_clip=True, zorder=10,
