@@ -49,6 +49,21 @@ class Clock(StrEnum):
 
 
 _WATCHING = "Watching in a browser"
+OpenBrowser = Annotated[
+    bool,
+    typer.Option("--open", help="Serve the page, and open it in a browser.", rich_help_panel=_WATCHING),
+]
+ViewPort = Annotated[
+    int | None,
+    typer.Option(
+        metavar="PORT", min=0, max=65535, help="Its port; 0: any. (8750, or any if that is taken)",
+        rich_help_panel=_WATCHING,
+    ),
+]  # fmt: skip
+ViewHost = Annotated[
+    str,
+    typer.Option(metavar="ADDRESS", help="Its address; 0.0.0.0: for everybody.", rich_help_panel=_WATCHING),
+]
 
 
 @dataclass(frozen=True)
@@ -72,25 +87,9 @@ class FlightOptions:
             "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=_WATCHING
         ),
     ] = False
-    open: Annotated[
-        bool, typer.Option("--open", help="As --view, and open it in a browser.", rich_help_panel=_WATCHING)
-    ] = False
-    view_port: Annotated[
-        int | None,
-        typer.Option(
-            metavar="PORT",
-            min=0,
-            max=65535,
-            help="Its port; 0: any. (8750, or any if that is taken)",
-            rich_help_panel=_WATCHING,
-        ),
-    ] = None
-    view_host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="Its address; 0.0.0.0: for everybody.", rich_help_panel=_WATCHING
-        ),
-    ] = "127.0.0.1"
+    open: OpenBrowser = False
+    view_port: ViewPort = None
+    view_host: ViewHost = "127.0.0.1"
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     mission,
     plot,
     radio,
+    replay,
     report,
     schema,
     selfcheck,

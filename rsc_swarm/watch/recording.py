@@ -7,9 +7,14 @@ _MOST_AT_ONCE = 8 << 20  # sent to one page in one message; then only every so m
 
 
 class Recording:
-    """The pictures of one flight by their ticks, oldest first. Bounded, whatever the flight's length."""
+    """The pictures of one flight by their ticks, oldest first. Bounded, whatever the flight's length.
+
+    Attributes:
+        whole: nothing is thinned; who has missed much is given it piece by piece. For a flight that is over.
+    """
 
     def __init__(self, most_bytes: int = _MOST_BYTES, most_at_once: int = _MOST_AT_ONCE) -> None:
+        self.whole = False
         self._most_bytes, self._most_at_once = most_bytes, most_at_once
         self._ticks: list[int] = []
         self._pictures: list[bytes] = []
@@ -30,18 +35,20 @@ class Recording:
         self._ticks.append(tick)
         self._pictures.append(picture)
         self._bytes += len(picture)
-        if self._bytes > self._most_bytes and len(self) > 2:
+        if self._bytes > self._most_bytes and len(self) > 2 and not self.whole:
             self._ticks, self._pictures = self._ticks[-1::-2][::-1], self._pictures[-1::-2][::-1]
             self._bytes = sum(map(len, self._pictures))
 
     def since(self, tick: int) -> tuple[int, bytes]:
-        """The pictures after ``tick``, each after its length (uint32, little-endian), and the tick of the newest.
+        """The pictures after ``tick``, each after its length (uint32, little-endian), and the tick of the last of them.
 
         Who has missed more than can be sent at once gets every so many-th of them, and always the newest.
         """
-        missed = self._pictures[bisect_right(self._ticks, tick) :]
+        first = bisect_right(self._ticks, tick)
+        missed = self._pictures[first:]
         every = -(-sum(map(len, missed)) // self._most_at_once) or 1
-        told = missed[-1::-every][::-1]
-        return (self._ticks[-1] if missed else tick), b"".join(
+        told = missed[: -(-len(missed) // every)] if self.whole else missed[-1::-every][::-1]
+        last = self._ticks[first + len(told) - 1 if self.whole else -1] if told else tick
+        return last, b"".join(
             part for picture in told for part in (len(picture).to_bytes(4, "little"), picture)
         )

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from importlib.resources import files
 
 import uvicorn
+from prometheus_client import CONTENT_TYPE_LATEST
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.middleware import Middleware
@@ -23,8 +24,10 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from rsc_swarm.watch.metrics import metrics
 from rsc_swarm.watch.recording import Recording
 from rsc_swarm.watch.window import PICTURE
+from world.outlets.picture import Picture, unpacked
 
 _LONGEST_MESSAGE = 1 << 20
 _FAREWELL_S = 1.0  # for pages to take what is left
@@ -69,8 +72,18 @@ class Shown:
                     self.recording.add(head["tick"], message[1:])
                 else:
                     self.words.append(message[1:].decode())
+                    self.recording.whole |= json.loads(self.words[-1])["kind"] == "replay"
         for news in self._waiting:
             news.set()
+
+    @property
+    def pages(self) -> int:
+        """How many look on."""
+        return len(self._waiting)
+
+    def newest(self) -> Picture | None:
+        """The last picture."""
+        return unpacked(self.recording.newest) if self.recording.newest else None
 
     @contextmanager
     def news(self) -> Iterator[asyncio.Event]:
@@ -96,6 +109,7 @@ async def _feed(page: WebSocket, shown: Shown) -> None:
             tick, pictures = shown.recording.since(tick)
             if pictures:
                 await page.send_bytes(pictures)
+                continue
             if over:
                 return
             await news.wait()
@@ -107,12 +121,17 @@ def _same_origin(headers: Headers) -> bool:
     return origin is None or origin.split("://")[-1] == headers.get("host")
 
 
-def application(shown: Shown, hosts: list[str], token: str) -> Starlette:
-    """The page, its stream at ``/live``. hosts: by which names it may be asked for. token: who knows it may lay hands on."""
+def application(shown: Shown, hosts: list[str], token: str | None) -> Starlette:
+    """The page, its stream at ``/live``. hosts: by which names it may be asked for. token: who knows it may lay hands on the
+    flight; None: nobody."""
+    told = metrics(shown.newest, lambda: shown.pages)
 
     async def index(request: Request) -> Response:
         page = files("rsc_swarm.watch").joinpath("page/index.html").read_bytes()
         return Response(page, media_type="text/html", headers=_HEADERS)
+
+    async def measured(request: Request) -> Response:
+        return Response(told(), media_type=CONTENT_TYPE_LATEST)
 
     async def live(page: WebSocket) -> None:
         if not _same_origin(page.headers):
@@ -130,6 +149,7 @@ def application(shown: Shown, hosts: list[str], token: str) -> Starlette:
     return Starlette(
         routes=[
             Route("/", index),
+            Route("/metrics", measured),
             WebSocketRoute("/live", live),
             Mount("/page", StaticFiles(packages=[("rsc_swarm.watch", "page")])),
         ],
@@ -137,14 +157,14 @@ def application(shown: Shown, hosts: list[str], token: str) -> Starlette:
     )
 
 
-async def _listen(page: WebSocket, shown: Shown, token: str) -> None:
+async def _listen(page: WebSocket, shown: Shown, token: str | None) -> None:
     """Take in what a page says: first the token, if it has it, then what its hands want."""
     may = False
     with suppress(WebSocketDisconnect, RuntimeError):
         while True:
             said = (await page.receive_text()).encode()
             if not may:
-                may = secrets.compare_digest(said, token.encode())
+                may = token is not None and secrets.compare_digest(said, token.encode())
                 await page.send_text(json.dumps({"kind": "you", "hands": may}))
             elif not shown.tell_flight(said):
                 await page.send_text(
@@ -159,12 +179,12 @@ class _Server(uvicorn.Server):
         yield
 
 
-def serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str) -> None:
+def serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str | None) -> None:
     """Serve until the flight's window is closed. listener: it listens already; end: the other end of the window."""
     asyncio.run(_serve(listener, end, hosts, token))
 
 
-async def _serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str) -> None:
+async def _serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str | None) -> None:
     end.setblocking(False)
     shown, loop = Shown(end), asyncio.get_running_loop()
     config = uvicorn.Config(

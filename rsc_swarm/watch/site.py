@@ -20,7 +20,7 @@ from rsc_swarm.watch.hands import Pace
 from rsc_swarm.watch.window import Window
 
 USUAL_PORT = 8750
-_NEEDS = ("starlette", "uvicorn", "websockets")
+_NEEDS = ("starlette", "uvicorn", "websockets", "prometheus_client")
 _LEAVE_S = 2.0  # for the server, once the flight is over
 _ROOM_BYTES = 1 << 20  # in the socket; the kernel may give less
 
@@ -47,8 +47,11 @@ class Site:
 
 
 @contextmanager
-def served(asked: Asked, speed: float | None = None, paced: bool = True) -> Iterator[Site]:
-    """Serve a page within the block, in a process of its own; then see it off. ``speed``: at first; ``paced``: as Window.
+def served(
+    asked: Asked, speed: float | None = None, paced: bool = True, hands: bool = True
+) -> Iterator[Site]:
+    """Serve a page within the block, in a process of its own; then see it off. ``speed``: at first; ``paced``: as
+    Window. ``hands``: whether who has the token may lay hands on the flight.
 
     Raises:
         ViewError: what it needs is not installed, or the address cannot be had.
@@ -61,8 +64,8 @@ def served(asked: Asked, speed: float | None = None, paced: bool = True) -> Iter
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM_BYTES)
     host, port = listener.getsockname()[:2]
     named = f"[{host}]" if ":" in host else host
-    token = secrets.token_urlsafe(12)
-    address = f"http://{named}:{port}/#{token}"
+    token = secrets.token_urlsafe(12) if hands else None
+    address = f"http://{named}:{port}/{f'#{token}' if token else ''}"
     with ours, Supervisor() as supervisor, _opened(address, asked.open_browser):
         supervisor.start("view", _serve, listener, theirs, ours, _hosts(host), token)
         listener.close()
@@ -75,7 +78,7 @@ def served(asked: Asked, speed: float | None = None, paced: bool = True) -> Iter
 
 
 def _serve(
-    listener: socket.socket, end: socket.socket, flights: socket.socket, hosts: list[str], token: str
+    listener: socket.socket, end: socket.socket, flights: socket.socket, hosts: list[str], token: str | None
 ) -> None:
     flights.close()
     from rsc_swarm.watch.server import serve

@@ -60,11 +60,16 @@ class Window:
         self._unsaid.append(WORD + json.dumps(word, separators=(",", ":")).encode())
         self._say_all()
 
+    def give(self, packed: bytes) -> None:
+        """Show a picture that is not to be left out: wait until there is room."""
+        self._unsaid.append(PICTURE + packed)
+        self.see_off(float("inf"))
+
     def see_off(self, within_s: float) -> None:
         """Say what is unsaid, and wait for room, but no longer than that."""
         deadline = time.monotonic() + within_s
         while not self._say_all() and (left := deadline - time.monotonic()) > 0:
-            select.select([], [self._end], [], left)
+            select.select([], [self._end], [], min(left, 1.0))
 
     def _take_hands(self, director: Director, now: float) -> None:
         while True:

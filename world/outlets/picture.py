@@ -83,6 +83,22 @@ class Picture:
         )
 
 
+def unpacked(data: bytes) -> Picture:
+    """The picture whose bytes these are."""
+    length = int.from_bytes(data[:4], "little")
+    head = json.loads(data[4 : 4 + length])
+    at = 4 + length
+    blocks: list[NDArray[Any]] = []
+    for kind, shape in (
+        ("<f4", (head["drones"], len(COLUMNS))), ("<i2", (head["beliefs"], 3)), ("<i2", (head["links"], 3))
+    ):  # fmt: skip
+        block = np.frombuffer(data, kind, shape[0] * shape[1], at).reshape(shape)
+        at += block.nbytes
+        blocks.append(block)
+    drones, beliefs, links = blocks
+    return Picture(head["tick"], head["factor"], drones, beliefs, links, head["frames"], head["swaps"])
+
+
 def scene(core: WorldCore, world: int = 0) -> dict[str, Any]:
     """What stays as it is in the flight of one world: the field, the formation and its tree, the limits; plain fields."""
     count = int(core.obstacle_count[world])

@@ -49,7 +49,11 @@ function hear(word) {
     hands.did(word.fault);
     note(text);
   } else if (word.kind === "refused") note(word.text.replace(/^by hand: (faults\.\d+: )?/, ""));
-  else if (word.kind === "report") {
+  else if (word.kind === "replay") {
+    recording.replay = recording.over = true;
+    play.live = false;
+    if (word.recorded) note(`as it was recorded, without radio and beliefs: ${word.recorded}`);
+  } else if (word.kind === "report") {
     recording.report = word.report;
     marks?.add(word.report.time_s, "end", word.report.success ? "success" : "failure", [], word.report.detail);
   }
@@ -108,7 +112,7 @@ function status(moment) {
   $("factor").textContent = moment && !over ? `${moment.factor.toFixed(1)} × real time` : "";
   const looking = !play.live || over;
   const [text, kind] = report && play.time >= recording.end - 0.01 ? (report.success ? ["success", "live"] : [report.failure ?? "failed", "failed"])
-    : hands.pace?.paused && !over ? ["flight paused", "paused"] : over && !report ? ["the flight is over", ""] : looking ? (play.on ? ["looking back", ""] : ["paused", "paused"]) : ["live", "live"];
+    : hands.pace?.paused && !over ? ["flight paused", "paused"] : over && !report && !recording.replay ? ["the flight is over", ""] : looking ? (play.on ? [recording.replay ? "replay" : "looking back", ""] : ["paused", "paused"]) : ["live", "live"];
   if (!recording.pictures.length) $("state").textContent = connected ? "waiting for the drones" : "not connected";
   else { $("state").textContent = text; $("state").className = `pill ${kind}`; }
   $("play").textContent = play.on ? "❚❚" : "▶";

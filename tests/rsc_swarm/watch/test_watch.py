@@ -16,7 +16,7 @@ from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.simulate import Simulation, simulate
 from rsc_swarm.watch.recording import Recording
 from rsc_swarm.watch.window import PICTURE, Window
-from world.outlets.picture import COLUMNS, FLYING, FROZEN, LOST, picture, scene
+from world.outlets.picture import COLUMNS, FLYING, FROZEN, LOST, picture, scene, unpacked
 
 pytest.importorskip("starlette", reason="the page needs the extra 'view'")
 from websockets.sync.client import connect
@@ -30,13 +30,6 @@ MISSION = Mission(
 )
 
 
-def unpacked(data: bytes) -> tuple[dict, np.ndarray, np.ndarray]:
-    length = int.from_bytes(data[:4], "little")
-    head = json.loads(data[4 : 4 + length])
-    drones = np.frombuffer(data, "<f4", head["drones"] * len(COLUMNS), 4 + length).reshape(-1, len(COLUMNS))
-    return head, drones, np.frombuffer(data, "<i2", offset=4 + length + drones.nbytes).reshape(-1, 3)
-
-
 def flown(ticks: int) -> Simulation:
     simulation = Simulation([MISSION])
     for _ in range(ticks):
@@ -47,8 +40,12 @@ def flown(ticks: int) -> Simulation:
 def test_a_picture_says_where_all_are_and_how():
     simulation = flown(50)
     core = simulation.world
-    head, drones, beliefs = unpacked(picture(core, simulation.director.statuses, 2.0).packed())
-    assert (head["tick"], head["factor"], head["beliefs"]) == (50, 2.0, len(beliefs))
+    shown = picture(core, simulation.director.statuses, 2.0)
+    told = unpacked(shown.packed())
+    assert (told.tick, told.real_time_factor, told.frames, told.swaps) == (50, 2.0, shown.frames, shown.swaps)
+    for name in ("drones", "beliefs", "links"):
+        assert (getattr(told, name) == getattr(shown, name)).all(), name
+    drones = told.drones
     assert drones[:, 0:2] == pytest.approx(core.position[0], abs=1e-5)
     assert drones[:, COLUMNS.index("slot")].tolist() == core.claim[0].tolist()
     assert drones[:, COLUMNS.index("state")].tolist() == [FLYING, FROZEN, LOST, FLYING]
@@ -62,7 +59,7 @@ def test_beliefs_are_those_that_are_wrong():
     view = bytearray(statuses[3].view)
     view[0], view[1] = view[1], view[0]
     statuses[3] = statuses[3]._replace(view=bytes(view))
-    beliefs = unpacked(picture(simulation.world, statuses, 1.0).packed())[2]
+    beliefs = unpacked(picture(simulation.world, statuses, 1.0).packed()).beliefs
     assert beliefs.tolist() == [[3, 0, view[0]], [3, 1, view[1]]]
 
 
@@ -81,6 +78,19 @@ def test_a_recording_gives_what_was_missed_thinned_with_the_newest():
     assert len(kept) <= 101
     assert kept.since(498)[0] == 499
     assert kept.since(499) == (499, b"")
+
+
+def test_a_recording_of_a_flight_that_is_over_is_given_whole_piece_by_piece():
+    kept = Recording(most_bytes=100, most_at_once=100)
+    kept.whole = True
+    for tick in range(0, 400, 4):
+        kept.add(tick, bytes([tick // 4]) * 10)
+    tick, told = -1, b""
+    while (piece := kept.since(tick))[1]:
+        assert len(piece[1]) <= 14 * 11
+        tick, told = piece[0], told + piece[1]
+    assert tick == 396
+    assert told == b"".join(b"\x0a\0\0\0" + bytes([place]) * 10 for place in range(100))
 
 
 def test_nobody_reads_and_the_flight_is_the_same():
@@ -139,6 +149,21 @@ def test_a_page_that_never_reads_keeps_nobody_waiting(site):
             with suppress(TimeoutError):
                 seen = page.recv(0.2)
         assert b'"tick":1000,' in seen
+
+
+def test_prometheus_reads_the_newest_moment(site):
+    simulation = flown(50)
+    site.window.attend(simulation.director)
+    deadline, told = time.monotonic() + 20, ""
+    while "rsc_swarm_time_seconds 0.5" not in told and time.monotonic() < deadline:
+        told = get(at(site, "metrics")).decode()
+    for line in (
+        'drones{state="flying"} 2.0',
+        'drones{state="frozen"} 1.0',
+        'frames_total{what="sent"}',
+        "nearest_meters",
+    ):
+        assert f"rsc_swarm_{line}" in told
 
 
 def test_only_pages_of_ours_and_names_of_this_machine(site):

@@ -1,0 +1,106 @@
+"""A flight of a run directory as pictures: flown again where that gives the same flight, else as its paths were recorded.
+
+A flight in lockstep repeats bit for bit, so flying it again shows all that was to be seen: the radio, what drones believed.
+Whether it was the same flight, its digest says. Of others there is where the drones were, and in which slots.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from protocols.errors import SwarmError
+from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.flight.simulate import Simulation
+from world.outlets.judged import findings_of
+from world.outlets.picture import COLUMNS, FLYING, LOST, Picture, picture, scene_of
+from world.outlets.trajectory import Trajectory
+
+_EVERY = 4  # ticks from picture to picture
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A flight to be shown. scene: world.outlets.picture.scene. report: of its run directory, if there is one. recorded: why it
+    is shown as it was recorded, without radio and beliefs; None if it was flown again."""
+
+    scene: dict[str, Any]
+    pictures: list[bytes]
+    report: dict[str, Any] | None
+    recorded: str | None
+
+
+def replay_of(folder: RunDir, progress: Callable[[float], None] = lambda share: None) -> Replay:
+    """The flight in a run directory. ``progress``: told the share that has been flown again.
+
+    Raises:
+        rsc_swarm.flight.run_dir.RunDirError, protocols.mission.document.MissionError, world.outlets.trajectory.TrajectoryError:
+            there is none.
+    """
+    folder.check()
+    mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
+    path = Trajectory.load(folder.trajectory)
+    report = _report(folder)
+    if path.positions.shape[1] != mission.agents:
+        raise RunDirError(
+            f"{folder.path}: the recorded flight and {folder.mission.name} have different numbers of drones"
+        )
+    scene = scene_of(mission, path.obstacles, path.goal_x) | {"ticks": len(path.positions) - 1}
+    pictures, why = _again(mission, report, progress)
+    return Replay(scene, pictures or recorded_pictures(path, mission), report, None if pictures else why)
+
+
+def _report(folder: RunDir) -> dict[str, Any] | None:
+    if not folder.report.is_file():
+        return None
+    folder.ended()  # refuses what is no report
+    report: dict[str, Any] = json.loads(folder.report.read_bytes())
+    return report
+
+
+def _again(
+    mission: Mission, report: dict[str, Any] | None, progress: Callable[[float], None]
+) -> tuple[list[bytes], str]:
+    """The pictures of the flight flown again, if it is the same; else none, and why."""
+    if report is None:
+        return [], "it has no report to be held against"
+    if report.get("clock") != "lockstep":
+        return [], "it was flown by the clock"
+    try:
+        simulation = Simulation([mission], watched=True)
+        ticks, pictures = int(report["ticks"]), []
+        while True:
+            over = simulation.clock >= ticks or not simulation.world.active[0]
+            if simulation.clock % _EVERY == 0 or over:
+                pictures.append(picture(simulation.world, simulation.director.statuses, 0.0).packed())
+                progress(simulation.clock / max(ticks, 1))
+            if over:
+                break
+            simulation.tick()
+    except SwarmError as error:
+        return [], str(error)
+    if simulation.world.outcome(0).digest != report.get("digest"):
+        return [], "flown again here it is another flight"
+    return pictures, ""
+
+
+def recorded_pictures(path: Trajectory, mission: Mission) -> list[bytes]:
+    """A recorded flight as far as its paths tell."""
+    findings = findings_of(path, mission)
+    rows = sorted({*range(0, len(path.positions), _EVERY), len(path.positions) - 1})
+    pictures = []
+    for row in rows:
+        drones = np.zeros((mission.agents, len(COLUMNS)), np.float32)
+        drones[:, 0:2], drones[:, 2:4], drones[:, 4] = (
+            path.positions[row],
+            path.velocities[row],
+            path.slots[row],
+        )
+        drones[:, 5] = np.where(path.flying[row], FLYING, LOST)
+        drones[:, 6], drones[:, 7] = np.minimum(findings.nearest[row], 1e6), findings.edge_error[row]
+        nothing = np.empty((0, 3), np.int16)
+        pictures.append(Picture(row, 0.0, drones, nothing, nothing, {}, {}).packed())
+    return pictures

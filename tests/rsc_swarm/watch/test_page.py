@@ -1,0 +1,75 @@
+"""The page in a real browser: a flight is watched, a drone is killed by a click, and the flight is looked at again.
+
+With ``RSC_SWARM_SCREENSHOTS=docs`` the pictures of docs/view.md are taken.
+"""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.rsc_swarm.watch.browsers import Page, browser, command, needs_browser
+
+pytestmark = needs_browser
+SCREENSHOTS = os.environ.get("RSC_SWARM_SCREENSHOTS")
+
+
+def keep(page: Page, name: str) -> None:
+    if SCREENSHOTS:
+        page.page.screenshot(path=Path(SCREENSHOTS) / name)
+
+
+def test_a_flight_in_the_browser(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    mission = ["--mission", "lost-agent", "--map", "13", "--set", "radio.loss=0.1", "--set", "fly_s=8"]
+    with browser() as chromium:
+        with command("simulate", *mission, "--run-dir", str(run), "--view") as (flight, address):
+            page = Page(chromium, address)
+            page.until("page.recording.pictures.length > 3 && page.frames() > 3")
+            assert page.value("page.recording.newest.count") == 25
+            assert "25 drones" in page.page.inner_text("#what")
+            only_looks = Page(chromium, address.split("#")[0], "dark")
+            only_looks.until("page.recording.pictures.length > 3")
+            assert not only_looks.page.is_visible("#hands")
+
+            page.page.click("text=Pause the flight")
+            page.until("document.getElementById('state').textContent === 'flight paused'")
+            page.until("page.play.time > page.recording.end - 0.4")
+            page.click_drone(12)
+            page.until("page.chosen.has(12)")
+            page.page.click("#hand-kill")
+            page.until("page.marks().some((mark) => mark.kind === 'hand')")
+            page.page.select_option("#hands select >> nth=0", "")
+            page.until("page.marks().some((mark) => mark.kind === 'kill' && mark.drones[0] === 12)")
+            page.until("page.recording.report")
+            for each in (page, only_looks):
+                assert each.value("page.recording.report.lost_agents") == [8, 12]
+                assert each.complaints == []
+            flight.communicate(timeout=60)
+        report = json.loads((run / "report.json").read_text())
+        assert report["lost_agents"] == [8, 12]
+        assert [fault["kind"] for fault in report["mission"]["faults"]] == ["kill", "kill"]
+
+        with command("replay", str(run)) as (_, address):
+            assert "#" not in address
+            page = Page(chromium, address)
+            page.until("page.recording.report && page.recording.pictures.length === 201")
+            page.page.keyboard.press("Space")
+            box = page.page.locator("#timeline").bounding_box()
+            assert box
+            page.page.mouse.click(box["x"] + 66 + (box["width"] - 80) * 0.75, box["y"] + 95)
+            assert page.value("page.play.time") == pytest.approx(6.0, abs=0.1)
+            page.page.keyboard.press("ArrowLeft")
+            assert page.value("page.play.time") == pytest.approx(5.9, abs=0.11)
+            page.until("document.getElementById('time').textContent.startsWith('5.')")
+            keep(page, "view.png")
+            page.page.keyboard.press("d")
+            page.click_drone(7)
+            page.until("document.getElementById('panel').textContent.includes('its view is right')")
+            keep(page, "view-drone.png")
+            page.page.keyboard.press("Home")
+            assert page.value("page.play.time") == 0
+            page.page.keyboard.press("?")
+            assert "Marks on the time line" in page.page.inner_text("#about")
+            assert page.complaints == []

@@ -1,0 +1,76 @@
+"""A flight of a run directory, to be looked at again."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsc_swarm.cli.commands import app
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.watch.replay import replay_of
+from world.outlets.picture import unpacked
+from world.outlets.trajectory import Trajectory
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    run = tmp_path_factory.mktemp("runs") / "one"
+    fault = "faults=[{at_s: 0.5, kind: kill, agents: [1]}]"
+    words = [
+        "--agents",
+        "4",
+        "--set",
+        "fly_s=1.5",
+        "--set",
+        fault,
+        "--set",
+        "radio.loss=0.3",
+        "--run-dir",
+        str(run),
+    ]
+    app(["simulate", *words], standalone_mode=False)
+    return run
+
+
+@pytest.fixture
+def run(kept: Path, tmp_path: Path) -> RunDir:
+    return RunDir(Path(shutil.copytree(kept, tmp_path / "run")))
+
+
+def test_a_flight_that_repeats_is_flown_again_and_shows_the_radio(run: RunDir) -> None:
+    shares: list[float] = []
+    told = replay_of(run, shares.append)
+    assert told.recorded is None
+    pictures = [unpacked(picture) for picture in told.pictures]
+    assert [picture.tick for picture in pictures] == [*range(0, 150, 4), 150]
+    path = Trajectory.load(run.trajectory)
+    for picture in pictures:
+        assert np.allclose(picture.drones[:, :2], path.positions[picture.tick], atol=1e-4)
+    assert len(pictures[-1].links)
+    assert shares[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [({"digest": "0" * 32}, "another flight"), ({"clock": "realtime"}, "by the clock"), (None, "no report")],
+)
+def test_others_are_shown_as_they_were_recorded(run: RunDir, change: dict[str, str] | None, why: str) -> None:
+    if change is None:
+        run.report.unlink()
+    else:
+        run.report.write_text(json.dumps(json.loads(run.report.read_text()) | change))
+    told = replay_of(run)
+    assert told.recorded is not None
+    assert why in told.recorded
+    path = Trajectory.load(run.trajectory)
+    for picture in map(unpacked, told.pictures):
+        assert np.allclose(picture.drones[:, :2], path.positions[picture.tick], atol=1e-4)
+        assert (picture.drones[:, 4] == path.slots[picture.tick]).all()
+        assert ((picture.drones[:, 5] > 0) == path.flying[picture.tick]).all()
+
+
+def test_a_folder_without_a_flight_is_said_in_a_line(tmp_path: Path) -> None:
+    with pytest.raises(RunDirError, match="no flight recorded here"):
+        replay_of(RunDir(tmp_path))
