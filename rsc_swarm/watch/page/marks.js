@@ -38,7 +38,10 @@ export class Marks {
         const was = before.drones[row + STATE], held = before.drones[row + SLOT];
         if (before.drones[row + GROUP]) wasParted = 1;
         if (state !== was) this.changed(now.time, drone, was, state);
-        else if (slot !== held && state !== LOST) swapped.push({ drone, held, slot });
+        else if (slot !== held && state !== LOST) {
+          swapped.push({ drone, held, slot });
+          this.wasThere[drone] = this.away[drone] = 0; // on its way to another place
+        }
       }
       if (state === FLYING) this.detour(now, drone);
     }

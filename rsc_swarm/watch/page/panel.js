@@ -74,8 +74,9 @@ export class Panel {
       { onclick: () => { this.go(mark.time); if (mark.drones.length) this.choose(mark.drones); } }));
     const head = chosen.size > 1 ? `${chosen.size} drones chosen` : "Swarm";
     return [
-      make("h2", head), ...(report ? [make("p", report.detail, { class: report.success ? "good" : "bad" })] : []), figures(rows),
+      make("h2", head), figures(rows),
       make("h3", "What happened"), list.length ? make("ul", list) : make("p", "nothing yet"),
+      ...(report ? [make("h3", "How it ended"), make("p", report.detail, { class: report.success ? "good" : "bad" })] : []),
       make("p", chosen.size ? "Esc: choose nobody" : "Click a drone to look into it."),
     ];
   }
@@ -84,15 +85,15 @@ export class Panel {
     const row = drone * COLUMNS, at = (column) => moment.drones[row + column], state = at(STATE);
     const leader = tree(scene, moment).edges.find((edge) => edge.drone === drone);
     const head = make("h2", [`Drone ${drone}`, make("button", "×", { title: "Back to the swarm (Esc)", onclick: () => this.choose([]) })]);
-    const told = state === LOST ? "lost" : state === FROZEN ? "hangs: senses, hears and says nothing" : "flies";
+    const told = state === LOST ? "lost" : state === FROZEN ? "hangs" : "flies";
     const off = placeError(scene, moment, drone);
     const rows = [
       ["state", told, state === LOST ? "bad" : state === FROZEN ? "fair" : "good"],
-      ["place", `x ${at(X).toFixed(2)}, y ${at(Y).toFixed(2)} m`], ["speed", `${Math.hypot(at(VX), at(VY)).toFixed(2)} m/s`],
+      ["place (x, y)", `${at(X).toFixed(2)}, ${at(Y).toFixed(2)} m`], ["speed", `${Math.hypot(at(VX), at(VY)).toFixed(2)} m/s`],
     ];
     if (state === LOST) return [head, figures(rows)];
     rows.push(
-      ["slot", `${at(SLOT)}`], ["from its slot's place", `${off.toFixed(2)} m`],
+      ["slot", `${at(SLOT)}`], ["off its slot's place", `${off.toFixed(2)} m`],
       ["nearest to anything", metres(at(NEAREST)), safe(at(NEAREST), scene.collision_m)],
       leader ? [`edge to drone ${leader.leader}`, `off by ${percent(leader.error)}`, rating(leader.error, scene.edge_tolerance)]
         : ["edge", scene.parent[at(SLOT)] < 0 ? "none: the root" : "its leader's slot is empty"],
@@ -104,8 +105,8 @@ export class Panel {
       head, make("h3", "Knows"), figures(rows),
       make("h3", "Hears, in the last 0.2 s"), figures(hears(moment, drone)),
       make("h3", "Believes: who is in which slot"),
-      make("div", [make("figure", [make("canvas", [], { id: "believed", height: 110 }), make("figcaption", "its view")]),
-        make("figure", [make("canvas", [], { id: "true", height: 110 }), make("figcaption", "the truth")])], { class: "maps" }),
+      make("div", [make("figure", [make("canvas", [], { id: "believed" }), make("figcaption", "its view")]),
+        make("figure", [make("canvas", [], { id: "true" }), make("figcaption", "the truth")])], { class: "maps" }),
       make("p", wrong.length ? `wrong about ${wrong.map(([about, slot]) => `drone ${about} (slot ${slot})`).slice(0, 6).join(", ")}${wrong.length > 6 ? ` and ${wrong.length - 6} more` : ""}`
         : "its view is right", { class: wrong.length ? "bad" : "good" }),
     ];
