@@ -38,11 +38,11 @@ fuzz: .venv/ready-fuzz
 	@touch $@
 
 .venv/ready-test: .venv/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,radio,mavlink,test,train,view]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,radio,mavlink,mcap,test,train,view]'
 	@touch $@
 
 .venv/ready-fuzz: .venv/ready-test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,radio,mavlink,test,train,view,fuzz]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,radio,mavlink,mcap,test,train,view,fuzz]'
 	@touch $@
 
 clean:

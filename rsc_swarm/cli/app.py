@@ -78,6 +78,10 @@ class FlightOptions:
         Path | None,
         typer.Option(metavar="DIR", help="Keep mission, policy, report, all paths and the logs here."),
     ] = None
+    mcap: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the flight for Foxglove, Rerun and PlotJuggler."),
+    ] = None
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Use a --run-dir again that holds an earlier flight.")
     ] = False

@@ -5,6 +5,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     air,
     bench,
     evaluate,
+    export,
     fly_alone,
     ground,
     keys,

@@ -11,6 +11,7 @@ from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
 from rsc_swarm.cli.app import Clock, FlightOptions
+from rsc_swarm.cli.mcap_output import McapOutput
 from rsc_swarm.cli.output import JsonOutput
 from rsc_swarm.errors import line_of
 from rsc_swarm.flight.provenance import provenance
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 class Flight(NamedTuple):
     """What is to be flown, and who is told meanwhile. keep: keeps what was flown, for who outlives the command. onlooker: the
-    live page, or nobody."""
+    live page, or nobody. folder: where it is recorded."""
 
     mission: Mission
     clock: Clock
@@ -78,7 +79,7 @@ def fly_once(
         protocols.errors.SwarmError: the mission cannot be flown, or the run itself broke.
     """
     mission = resolve(options)
-    output = JsonOutput(asked.json)
+    output, mcap = JsonOutput(asked.json), McapOutput(asked.mcap)
     with redirect_stdout(output.beside):  # whatever a policy prints
         policy_files = files_of(find_policy(mission.policy, mission))
     flown_with = provenance(policy_files)
@@ -90,13 +91,14 @@ def fly_once(
     who = f"{agents_text(mission.agents)}, policy {mission.policy}"
     view = View(f"{mode} {mission.name}: {who}, map {mission.map_seed}, seed {mission.seed}")
 
+    def flown_task(told: Told) -> Mission:
+        return mission.model_copy(update={"faults": (*mission.faults, *told.flown.by_hand)})
+
     def report(told: Told) -> FlightReport:
         figures = (told.first_tick_s, told.pss_mb, flown_with)
-        task, by_hand = mission, told.flown.by_hand
-        asked_again = options
-        if by_hand:
-            task = mission.model_copy(update={"faults": (*mission.faults, *by_hand)})
-            asked_again = options if folder else with_faults(options, task.faults)
+        task, asked_again = flown_task(told), options
+        if told.flown.by_hand and not folder:
+            asked_again = with_faults(options, task.faults)
         again = command_line(mode, asked_again, **(also or {}), **realtime)
         made = report_of(told.flown, task, mode, asked.clock.value, again, *figures)
         return made.model_copy(update={"detail": f"{made.detail}; {told.error}"}) if told.error else made
@@ -106,14 +108,15 @@ def fly_once(
         kept = report(told)
         saves: list[Callable[[], None]] = [*first, partial(output.write, kept.model_dump_json(indent=2))]
         if folder:
-            saves += [
-                partial(folder.add_faults, told.flown.by_hand),
-                told.save,
-                partial(folder.finish, kept, plain(render(kept))),
-            ]
+            saves.append(partial(folder.add_faults, told.flown.by_hand))
+        saves.append(told.save)
+        if folder:
+            saves.append(partial(folder.finish, kept, plain(render(kept))))
+        saves.append(partial(mcap.write, place, flown_task(told), kept))
         return [error for save in saves if (error := _try(save))]
 
     with ExitStack() as asking:
+        place = asking.enter_context(mcap.place(folder))
         window = asking.enter_context(_served(mode, asked, view))
         try:
             with view, redirect_stdout(output.beside):
@@ -125,7 +128,7 @@ def fly_once(
                         mission,
                         asked.clock,
                         view,
-                        folder,
+                        place,
                         lambda flown: keep(Told(flown)),
                         window,
                     )

@@ -39,7 +39,7 @@ def plot(
     run: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[RUN]",
+            metavar="RUN",
             help="A flight that --run-dir has kept; none: fly the mission.",
             show_default=False,
         ),

@@ -1,0 +1,55 @@
+"""``--mcap``: a flight as a file that other programs open, right after it was flown."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from protocols.mission.document import Mission, MissionError
+from protocols.whole_file import WriteError
+from rsc_swarm.flight.events import end_told
+from rsc_swarm.flight.recorded import Recorded
+from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.show.foxglove.file import check_mcap, write_mcap
+from world.outlets.trajectory import Trajectory
+
+
+class McapOutput:
+    """A checked ``--mcap``: a file, or none."""
+
+    def __init__(self, given: Path | None) -> None:
+        """Refuse one that could not be written, before anything is flown.
+
+        Raises:
+            MissionError: it names no file in a directory that exists.
+            rsc_swarm.show.foxglove.file.McapError: what writes such files is missing.
+        """
+        self._file = given
+        if given is None:
+            return
+        if given.is_dir() or not given.absolute().parent.is_dir():
+            raise MissionError(f"--mcap {given}: give a file in a directory that exists")
+        check_mcap()
+
+    @contextmanager
+    def place(self, folder: RunDir | None) -> Iterator[RunDir | None]:
+        """Where the flight is to be recorded: in its run directory; without one, in a passing folder if that is needed."""
+        if folder or self._file is None:
+            yield folder
+            return
+        with TemporaryDirectory(prefix="rsc-swarm-") as passing:
+            yield RunDir(Path(passing))
+
+    def write(self, place: RunDir | None, mission: Mission, report: FlightReport) -> None:
+        """Write what was recorded in ``place``, if that was asked for.
+
+        Raises:
+            protocols.whole_file.WriteError: it cannot be written, or nothing was recorded.
+        """
+        if self._file is None or place is None:
+            return
+        if not place.trajectory.is_file():
+            raise WriteError(f"--mcap {self._file}: nothing was recorded")
+        path = Trajectory.load(place.trajectory)
+        write_mcap(Recorded(mission, path, end_told(report), report.tau_s, report), self._file)
