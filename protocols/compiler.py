@@ -96,8 +96,23 @@ class _DraftCompiler(CompilerBase):
         return made
 
 
+class _Flags(compiler.Flags):
+    """How a rule is compiled. The compiler compares this a hundred thousand times, and would look at every flag each time."""
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Flags) and self._values == other._values
+
+
 class _Rule(CPUDispatcher):
     """A rule, for the compiler. Compiled once for all numbers: it would do it again for a call with a constant."""
+
+    def __init__(self, *settings: Any) -> None:
+        super().__init__(*settings)
+        using: Any = self._compiler  # type: ignore[attr-defined]
+        using._customize_flags = _Flags
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         plain = {name: types.unliteral(kind) for name, kind in kws.items()}
@@ -264,7 +279,7 @@ def _draft(does: str, names: dict[str, Any], leaves: list[types.Type]) -> Any:
     """What a function of one page with these leaves is compiled to, before it is machine code."""
     given = namedtuple("given", [f"a{n}" for n in range(len(leaves))])  # type: ignore[misc]
     exec(f"def entry(given):\n {does}", names)
-    flags = compiler.Flags()
+    flags = _Flags()  # type: ignore[no-untyped-call]
     cpu_target.options.parse_as_flags(flags, {**_RULE, "_nrt": False})
     page = _Page(types.BaseTuple.from_types(leaves, given))
     return compiler.compile_extra(

@@ -14,7 +14,7 @@ from typing import Any
 
 from protocols.mission.document import Mission
 from rsc_swarm.batch.batch import Batch
-from rsc_swarm.study.workers import be_worker
+from rsc_swarm.machine.leaving import be_worker
 
 _WORLDS = 48  # episodes that one process flies in step
 _VMAS = """

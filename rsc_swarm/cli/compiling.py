@@ -1,26 +1,41 @@
-"""Compile the rules ahead, and tell how far that has come: a first flight has nothing else to show for a while."""
+"""Compile the rules ahead, and tell how far that has come: a first flight has nothing else to show for a while.
 
+Compiling takes place in processes of its own, side by side, and is kept on disk: what it leaves in memory goes with them.
+"""
+
+import gc
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any
+
+import numpy as np
 
 from agent.policy import learned  # noqa: F401  its rules count, too
 from agent.process import rehearse
+from protocols.kept import cache_folder
 from protocols.kernels import Kernel, compiling_watched
 from protocols.mission.document import Mission, parse_mission
+from protocols.wire.status import AgentStatus
 from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.machine.leaving import be_worker, nobody_asks
 from rsc_swarm.show.progress import Meter
+from world.core import Answers, Inbox, WorldCore
+from world.director import Director
+from world.faults import Event
 from world.server.questions import Questions, empty_frames
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
+_TICKS = 3
+
+Job = Callable[[], None]
 
 
 def compile_flight() -> None:
     """Compile what a flight of the learned policy needs, as far as it is not kept on disk already."""
-    with _counting():
-        _fly(_mission())
-        rehearse(_mission())
+    _compile([_be_a_drone, _be_the_world], [_fly])
 
 
 def compile_all() -> None:
@@ -28,13 +43,21 @@ def compile_all() -> None:
     from agent.policy import analytic, saber  # noqa: F401  their rules count, too
     from rsc_swarm.batch.batch import Batch
 
-    with _counting():
-        for policy in ("rsc-h20", "analytic", "saber"):
-            _fly(_mission(policy=policy))
-        rehearse(_mission())
+    def fly_a_batch() -> None:
         batch = Batch([_mission(faults=[])])
         batch.fly(1)
         batch.label(1)
+
+    def be_a_drone_then_a_batch() -> None:  # they share parts, which are then made ready once
+        _be_a_drone()
+        fly_a_batch()
+
+    _compile(
+        [be_a_drone_then_a_batch, _be_the_world], [_fly, lambda: _fly("analytic"), lambda: _fly("saber")]
+    )
+
+
+# --- what calls all rules ----------------------------------------------------------------------------------
 
 
 def _mission(**fields: Any) -> Mission:
@@ -42,23 +65,101 @@ def _mission(**fields: Any) -> Mission:
     return parse_mission({"agents": 4, "faults": [{"at_s": 0.01, "kind": "kill", "slots": [2]}], **fields})
 
 
-def _fly(mission: Mission) -> None:
-    flight = Simulation([mission], rehearsal=True)
-    for _ in range(3):
+def _be_a_drone() -> None:
+    rehearse(_mission())
+
+
+def _be_the_world() -> None:
+    core = WorldCore([_mission()])
+    director = Director(core, _Idle(core))
+    for _ in range(_TICKS):
+        director.tick()
+    agents = core.shape[1]
+    Questions(core, empty_frames(core)).write(0, 0, core.rows_awake, [-1] * agents)
+
+
+def _fly(policy: str = "rsc-h20") -> None:
+    flight = Simulation([_mission(policy=policy)], rehearsal=True)
+    for _ in range(_TICKS):
         flight.tick()
-    world = flight.world
-    Questions(world, empty_frames(world)).write(0, 0, world.rows_awake, [0] * mission.agents)
+
+
+class _Idle:
+    """A swarm (world.director.Swarm) that does nothing."""
+
+    def __init__(self, core: WorldCore) -> None:
+        rows = core.shape[0] * core.shape[1]
+        self._said = Answers(np.zeros((rows, 2)), np.zeros(rows, np.int64), np.arange(rows))
+
+    def strike(self, event: Event) -> None:
+        pass
+
+    def ask(self, tick: int, inbox: Inbox) -> Answers:
+        return self._said
+
+    def struck_off(self, row: int) -> None:
+        pass
+
+    def farewell(self) -> list[tuple[int, AgentStatus]]:
+        return []
+
+
+# --- in processes ------------------------------------------------------------------------------------------
+
+
+def _compile(*turns: Sequence[Job]) -> None:
+    """Do the jobs of each turn side by side, one turn after the other; what fails elsewhere is done, or raised, here."""
+    with _Bar(len(_loaded())) as bar:
+        for jobs in turns:
+            if cache_folder() is None or not _side_by_side(jobs, bar):
+                for job in jobs:
+                    with _telling(bar.one_more):
+                        job()
+
+
+def _side_by_side(jobs: Sequence[Job], bar: "_Bar") -> bool:
+    """Whether all went well."""
+    context = get_context("fork")
+    reader, writer = context.Pipe(duplex=False)
+    workers = [context.Process(target=_work, args=(job, reader, writer)) for job in jobs]
+    with nobody_asks():
+        for worker in workers:
+            worker.start()
+    writer.close()
+    try:
+        while True:
+            reader.recv_bytes()
+            bar.one_more()
+    except EOFError:  # all have left
+        pass
+    finally:
+        reader.close()
+    for worker in workers:
+        worker.join()
+    return all(worker.exitcode == 0 for worker in workers)
+
+
+def _work(job: Job, reader: Connection, writer: Connection) -> None:
+    be_worker()
+    reader.close()
+    try:
+        with _telling(lambda: writer.send_bytes(b"1")):
+            job()
+    except Exception:  # whoever waits does it again, and finds out
+        sys.exit(1)
 
 
 @contextmanager
-def _counting() -> Iterator[None]:
-    """Show on a bar how many of the loaded modules' rules are compiled, before anything else can be shown."""
-    counter = _Counter(len(_loaded()))
+def _telling(one_more: Callable[[], None]) -> Iterator[None]:
+    """Call this for each rule that is compiled. To look for garbage meanwhile would take a quarter of the time."""
+    collecting = gc.isenabled()
+    gc.disable()
     try:
-        with compiling_watched(counter.compiled):
+        with compiling_watched(lambda rule: one_more()):
             yield
     finally:
-        counter.close()
+        if collecting:
+            gc.enable()
 
 
 def _loaded() -> set[int]:
@@ -73,23 +174,25 @@ def _is_rule(thing: Any) -> bool:
     return isinstance(thing, Kernel) and thing.is_ours
 
 
-class _Counter:
-    """Counts on a bar which rules are compiled."""
+class _Bar:
+    """Counts the rules that are compiled; shown before anything else can be."""
 
     def __init__(self, total: int) -> None:
         self._total, self._ready, self._meter = total, 0, Meter()
-        self._meter.begin(self._text(), total)
-        self._meter.draw(0, self._text())
 
-    def compiled(self, rule: Kernel) -> None:
-        """A rule is compiled."""
+    def __enter__(self) -> "_Bar":
+        self._meter.begin(self._text(), self._total)
+        self._meter.draw(0, self._text())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._meter.close()
+
+    def one_more(self) -> None:
+        """Another rule is compiled."""
         self._ready += 1
         if self._meter.due():
             self._meter.draw(self._ready, self._text())
-
-    def close(self) -> None:
-        """Take the bar away."""
-        self._meter.close()
 
     def _text(self) -> str:
         return f"compiling the rules: {self._ready} of {self._total}"

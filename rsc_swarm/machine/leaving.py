@@ -9,6 +9,7 @@ What whoever started the process wants ignored (``nohup``, a job in the backgrou
 container is asked like any other: a signal that it does not handle would never reach it. Imports nothing that takes time.
 """
 
+import ctypes
 import os
 import signal
 import sys
@@ -20,6 +21,7 @@ from typing import Any
 
 _ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _UNWIND_S = 10.0  # for who was asked and has not left by then
+_PR_SET_PDEATHSIG = 1
 _STOPPED = 130  # protocols.errors.ExitCode.INTERRUPTED, which is not imported yet
 
 _Handler = Callable[[int, FrameType | None], None] | signal.Handlers
@@ -95,6 +97,15 @@ def nobody_asks() -> Iterator[set[int | signal.Signals]]:
         yield before
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def be_worker() -> None:
+    """Begin as a forked worker: Ctrl-C and a closing terminal are for who forked it, and it does not outlive that one."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def _answer(handler: _Handler) -> dict[signal.Signals, Any]:

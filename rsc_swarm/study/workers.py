@@ -5,8 +5,6 @@ forked once the kernels are loaded, so they start at once and share them. They i
 any more.
 """
 
-import ctypes
-import signal
 from collections.abc import Generator, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -22,7 +20,7 @@ from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
-from rsc_swarm.machine.leaving import nobody_asks
+from rsc_swarm.machine.leaving import be_worker, nobody_asks
 from rsc_swarm.study.fingerprint import fingerprint
 from world.field import FieldError, draw_obstacles, draw_start
 from world.invariants import Watched
@@ -32,7 +30,6 @@ Seeds = tuple[int, int]  # map seed, start seed
 TASK = 64  # flights that an executor is given at a time: some seconds to a minute of work
 _TELL_EVERY = 50  # ticks
 _LISTEN_S = 0.05
-_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
@@ -53,15 +50,6 @@ class WorkerError(BrokenError, RuntimeError):
 # --- in a worker -------------------------------------------------------------------------------------------
 
 _told: tuple[Connection, Lock] | None = None  # where this process tells what it flies; None: it returns it
-
-
-def be_worker() -> None:
-    """Begin as a forked worker: Ctrl-C and a closing terminal are for who forked it, and it does not outlive that one."""
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_SETMASK, ())
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def _enlist(reader: Connection, writer: Connection, lock: Lock) -> None:

@@ -18,8 +18,7 @@ class Shown:
     close = lambda self: print("gone")
 
 compiling.Meter = Shown
-with compiling._counting():
-    clip_ball(3.0, 4.0, 10.0)
+compiling._compile([lambda: clip_ball(3.0, 4.0, 10.0)])
 """
 # Flies in several ways, and prints which rules had to be compiled for it.
 FLY = """

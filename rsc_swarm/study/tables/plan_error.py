@@ -14,8 +14,9 @@ from protocols.errors import SwarmError
 from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import write_whole
 from rsc_swarm.batch.batch import check_flyable
+from rsc_swarm.machine.leaving import be_worker
 from rsc_swarm.study.tables.result import Accuracy
-from rsc_swarm.study.workers import Seeds, WorkerError, be_worker
+from rsc_swarm.study.workers import Seeds, WorkerError
 
 _MAPS = 20  # the error is a mean over thousands of plans, so a few maps are enough
 
