@@ -3,6 +3,7 @@
 import { CARRIED, COLUMNS, DELAYED, EDGE, FROZEN, LOST, MISSED, SLOT, STATE, VX, VY, X, Y, tree } from "./recording.js";
 
 const TRAIL_S = 3, TRAIL_POINTS = 24;
+const NEAR = 9; // pixels to a metre, from which on there is room for outlines and dashes
 
 /** The colours of the theme, by the names in page.css. */
 export function colours() {
@@ -178,7 +179,7 @@ function links(c, camera, ink, moment, chosen) {
     if (fates & MISSED) halves.missed.push(half);
   }
   for (const [kind, width, alpha, dash] of [["carried", 5, 0.22, []], ["delayed", 2, 0.8, [2, 5]], ["missed", 2, 0.85, [5, 5]]]) {
-    c.strokeStyle = ink[kind]; c.lineWidth = Math.max(1, Math.min(width, camera.scale * 0.3)); c.globalAlpha = alpha; c.setLineDash(dash);
+    c.strokeStyle = ink[kind]; c.lineWidth = Math.max(1, Math.min(width, camera.scale * 0.3)); c.globalAlpha = alpha; c.setLineDash(camera.scale > NEAR ? dash : []);
     c.beginPath();
     for (const [x, y, mx, my] of halves[kind]) { c.moveTo(x, y); c.lineTo(mx, my); }
     c.stroke();
@@ -202,7 +203,7 @@ function edges(c, camera, ink, scene, moment) {
 }
 
 function drones(c, camera, ink, moment, shown, chosen) {
-  const size = Math.max(5, Math.min(13, camera.scale * 0.62));
+  const size = Math.max(5, Math.min(13, camera.scale * 0.62)), near = camera.scale > NEAR;
   const far = camera.scale * 5, bodies = { drone: [], frozen: [], lost: [] };
   for (let drone = 0; drone < moment.count; drone++) {
     const row = drone * COLUMNS, state = moment.drones[row + STATE];
@@ -216,7 +217,8 @@ function drones(c, camera, ink, moment, shown, chosen) {
     c.fillStyle = ink[kind];
     c.beginPath();
     for (const { x, y, vx, vy } of bodies[kind]) arrow(c, x, y, Math.hypot(vx, vy) < 0.05 ? 0 : Math.atan2(-vy, vx), size);
-    c.fill(); c.stroke();
+    c.fill();
+    if (near) c.stroke();
   }
   c.strokeStyle = ink.frozen; c.lineWidth = 2; c.beginPath();
   for (const { x, y } of bodies.frozen) { c.moveTo(x + size + 4, y); c.arc(x, y, size + 4, 0, 7); }
@@ -236,7 +238,7 @@ function drones(c, camera, ink, moment, shown, chosen) {
   c.textAlign = "left"; c.lineWidth = 3; c.strokeStyle = ink.ground;
   for (const [kind, list] of Object.entries(bodies)) {
     c.font = `650 ${big}px system-ui, sans-serif`; c.fillStyle = kind === "lost" ? ink.bad : ink.ink;
-    for (const { drone, x, y } of list) { c.strokeText(`${drone}`, x + size * 0.7, y - size * 0.7); c.fillText(`${drone}`, x + size * 0.7, y - size * 0.7); }
+    for (const { drone, x, y } of list) { if (near) c.strokeText(`${drone}`, x + size * 0.7, y - size * 0.7); c.fillText(`${drone}`, x + size * 0.7, y - size * 0.7); }
   }
   if (!shown.slots || far < 60) return;
   c.font = `${big - 2}px system-ui, sans-serif`; c.fillStyle = ink.soft;
