@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 class Flight(NamedTuple):
     """What is to be flown, and who is told meanwhile. keep: keeps what was flown, for who outlives the command. onlooker: the
-    live page, or nobody. folder: where it is recorded."""
+    live page, or nobody. folder: where it is recorded. gathered: to be told how many drones are ready."""
 
     mission: Mission
     clock: Clock
@@ -41,6 +41,7 @@ class Flight(NamedTuple):
     folder: RunDir | None
     keep: Callable[[Flown], object]
     onlooker: Onlooker | None
+    gathered: Callable[[int], None]
 
 
 class Told(NamedTuple):
@@ -115,6 +116,11 @@ def fly_once(
         saves.append(partial(mcap.write, place, flown_task(told), kept))
         return [error for save in saves if (error := _try(save))]
 
+    def gathered(ready: int) -> None:
+        view.waiting(ready, mission.agents)
+        if window:
+            window.say({"kind": "gathered", "ready": ready, "drones": mission.agents})
+
     with ExitStack() as asking:
         place = asking.enter_context(mcap.place(folder))
         window = asking.enter_context(_served(mode, asked, view))
@@ -123,16 +129,8 @@ def fly_once(
                 warm_up(mission)  # who leaves before this is done has nothing to lose
                 # From now on what was flown is told and kept, however often somebody presses Ctrl-C.
                 asking.enter_context(leave_when_asked())
-                told = fly(
-                    Flight(
-                        mission,
-                        asked.clock,
-                        view,
-                        place,
-                        lambda flown: keep(Told(flown)),
-                        window,
-                    )
-                )
+                outlives = (lambda flown: keep(Told(flown)), window, gathered)
+                told = fly(Flight(mission, asked.clock, view, place, *outlives))
         except KeyboardInterrupt:
             reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
             print(reached, file=sys.stderr)

@@ -35,7 +35,7 @@ def _fly(flight: "Flight") -> "Told":
     view.doing(f"starting {drones + 1} processes")
     launched = launch(
         flight.mission, flight.clock.value, place, view.update, weigh=True,
-        inside=Inside(flight.keep, flight.onlooker), on_gathered=lambda ready: view.waiting(ready, drones),
+        inside=Inside(flight.keep, flight.onlooker), on_gathered=flight.gathered,
     )  # fmt: skip
     unsaved = partial(told_unsaved, launched.unsaved)
     return Told(launched.flown, launched.first_tick_s, launched.pss_mb, unsaved, launched.error)

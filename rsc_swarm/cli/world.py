@@ -81,9 +81,7 @@ def _fly(
     flight.view.say(
         f"waiting for {mission.agents} agents at {', '.join(listen)}; their files are in {keys or logins}"
     )
-    watching = Watching(
-        flight.view.update, lambda ready: flight.view.waiting(ready, mission.agents), flight.onlooker
-    )
+    watching = Watching(flight.view.update, flight.gathered, flight.onlooker)
     with door_watched(flight.view.say) if keys else nullcontext():
         flown, unsaved = serve_world(
             mission, flight.clock.value, listen, credentials, watching, place.path if place else None, join_s

@@ -179,6 +179,15 @@ def test_only_pages_of_ours_and_names_of_this_machine(site):
         page.recv(5)
 
 
+def test_what_is_not_installed_is_said_in_a_line(monkeypatch):
+    monkeypatch.setattr("rsc_swarm.watch.site.find_spec", lambda name: None)
+    with (
+        pytest.raises(ViewError, match=r"--view needs starlette: pip install -e '\.\[view\]'"),
+        served(Asked(port=0)),
+    ):
+        pass
+
+
 def test_a_port_that_is_taken_is_said_in_a_line(site):
     port = int(site.address.split(":")[2].split("/")[0])
     with pytest.raises(ViewError, match=f"--view-port {port}: .*give another"), served(Asked(port=port)):
