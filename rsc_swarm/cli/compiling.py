@@ -52,9 +52,11 @@ def compile_all() -> None:
         _be_a_drone()
         fly_a_batch()
 
-    _compile(
-        [be_a_drone_then_a_batch, _be_the_world], [_fly, lambda: _fly("analytic"), lambda: _fly("saber")]
-    )
+    def be_other_drones() -> None:
+        _be_a_drone("analytic")
+        _be_a_drone("saber")
+
+    _compile([be_a_drone_then_a_batch, _be_the_world], [_fly, be_other_drones])
 
 
 # --- what calls all rules ----------------------------------------------------------------------------------
@@ -65,8 +67,8 @@ def _mission(**fields: Any) -> Mission:
     return parse_mission({"agents": 4, "faults": [{"at_s": 0.01, "kind": "kill", "slots": [2]}], **fields})
 
 
-def _be_a_drone() -> None:
-    rehearse(_mission())
+def _be_a_drone(policy: str = "rsc-h20") -> None:
+    rehearse(_mission(policy=policy))
 
 
 def _be_the_world() -> None:

@@ -28,7 +28,7 @@ class Still:
 
 
 def test_the_door_opens_only_when_somebody_comes():
-    code = "import sys, rsc_swarm; print('numba' in sys.modules); rsc_swarm.mission; print('numba' in sys.modules)"
+    code = "import sys, rsc_swarm; print('numpy' in sys.modules); rsc_swarm.mission; print('numpy' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["False", "True"]
 
