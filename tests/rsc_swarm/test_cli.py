@@ -327,12 +327,14 @@ def _read_all(descriptor: int) -> str:
     return data.decode()
 
 
-def test_the_help_of_every_command_fits_the_terminal():
+def test_the_help_of_every_command_fits_the_terminal(run, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("NO_COLOR", "1")
     for name in ("simulate", "launch", "evaluate", "plot", "mission", "world", "agent", "bench", "schema"):
-        environment = {**os.environ, "COLUMNS": "80", "NO_COLOR": "1"}
-        said = subprocess.run([*COMMAND, name, "--help"], capture_output=True, text=True, env=environment)
-        assert said.returncode == 0, name
-        assert max(len(line) for line in said.stdout.splitlines()) <= 80
+        code, out, _ = run(name, "--help")
+        assert code == 0, name
+        assert f"Usage: rsc-swarm {name}" in out
+        assert max(len(line) for line in out.splitlines()) <= 80
 
 
 def test_nothing_is_written_where_nothing_was_asked(run, tmp_path, monkeypatch):

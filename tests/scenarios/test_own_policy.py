@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +27,18 @@ class Homing:
 """
 
 
-def swarm(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+# The command, with a world that is sooner certain that a drone will not answer.
+SOON = (
+    "from world.server import patience; patience.WATCHED_S = 6.0; from rsc_swarm.cli.main import main; main()"
+)
+
+
+def swarm(
+    folder: Path, *words: str, how: Sequence[str] = ("-m", "rsc_swarm.cli.main")
+) -> subprocess.CompletedProcess[str]:
     """Run the command in this folder."""
     return subprocess.run(
-        [sys.executable, "-m", "rsc_swarm.cli.main", *words],
+        [sys.executable, *how, *words],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
@@ -100,12 +109,12 @@ def test_ctrl_c_names_a_policy_that_does_not_return(folder: Path) -> None:
 def test_a_launch_names_the_policy_in_which_a_drone_is_lost(folder: Path) -> None:
     (folder / "homing.py").write_text(POLICY.format(at="9 and 1 in seen.me", does="while True: pass"))
     words = ["--set", "fly_s=1", "--json", "-"]
-    said = swarm(folder, "launch", "-n", "3", "--policy", "homing.py:Homing", *words)
+    said = swarm(folder, "launch", "-n", "3", "--policy", "homing.py:Homing", *words, how=("-c", SOON))
     assert said.returncode == 3, said.stderr
     (lost,) = json.loads(said.stdout)["struck_off"]
     assert (lost["agent"], lost["why"]) == (
         1,
-        "it has not answered for 20 s; its policy has not returned from homing.py:11 (act)",
+        "it has not answered for 6 s; its policy has not returned from homing.py:11 (act)",
     )
 
 

@@ -13,7 +13,7 @@ from tests.scenarios.flights import Fields, Launcher
 from tests.scenarios.test_twins import simulated
 
 # Long enough for the strike to come in the middle.
-FLIGHT: Fields = {"agents": 4, "goal_x_m": 1e6, "fly_s": 15, "obstacles": {"discs": []}}
+FLIGHT: Fields = {"agents": 4, "goal_x_m": 1e6, "fly_s": 10, "obstacles": {"discs": []}}
 PAUSE_S = 2.5  # longer than anyone's patience would be if it were counted by the wall clock: see test_server for hours
 
 
