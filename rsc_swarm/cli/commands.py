@@ -4,6 +4,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     agent,
     air,
     bench,
+    campaign,
     evaluate,
     export,
     fly_alone,

@@ -5,14 +5,16 @@ forked once the kernels are loaded, so they start at once and share them. They i
 any more.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Lock
 from socket import gethostname
+from typing import Any
 
 from protocols.errors import BrokenError, SwarmError
 from protocols.mission.document import Mission
@@ -22,6 +24,7 @@ from rsc_swarm.batch.expert import EXPERT, fly_expert
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.machine.leaving import be_worker, nobody_asks
 from rsc_swarm.study.fingerprint import fingerprint
+from rsc_swarm.study.machines import Crew
 from world.field import FieldError, draw_obstacles, draw_start
 from world.invariants import Watched
 from world.outcome import Outcome
@@ -30,6 +33,7 @@ Seeds = tuple[int, int]  # map seed, start seed
 TASK = 64  # flights that an executor is given at a time: some seconds to a minute of work
 _TELL_EVERY = 50  # ticks
 _LISTEN_S = 0.05
+_FORK = get_context("fork")
 
 
 @dataclass(frozen=True)
@@ -97,16 +101,28 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
     Raises:
         world.field.FieldError: one of the maps leaves no room to start.
     """
-    if mission.policy == EXPERT:
-        for said in fly_expert(_missions(mission, seeds), _TELL_EVERY):
+    for said in fly_together(_missions(mission, seeds)):
+        yield said if isinstance(said, int) else said[1]
+
+
+def fly_together(missions: list[Mission]) -> Iterator[tuple[int, Flight] | int]:
+    """Fly missions that agree in all but seeds, obstacles and faults in step; yields flights as they end, each with the place of
+    its mission, and ticks flown.
+
+    Raises:
+        world.field.FieldError: one of the maps leaves no room to start.
+    """
+    seeds = [(mission.map_seed, mission.seed) for mission in missions]
+    agents = missions[0].agents
+    if missions[0].policy == EXPERT:
+        for said in fly_expert(missions, _TELL_EVERY):
             if isinstance(said, int):
                 yield said
             else:
                 world, ended, watched, swaps = said
-                yield Flight(*seeds[world], ended, watched, swaps)
+                yield world, Flight(*seeds[world], ended, watched, swaps)
         return
-    simulation = Simulation(_missions(mission, seeds))
-    agents = mission.agents
+    simulation = Simulation(missions)
     flown = 0
     while simulation.world.active.any():
         flown += int(simulation.world.active.sum())
@@ -123,7 +139,7 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
             swaps = {
                 name: sum(count) for name, count in zip(SWAP_COUNTS, zip(*counts, strict=True), strict=True)
             }
-            yield Flight(*seeds[world], outcome, simulation.invariants[world].result(), swaps)
+            yield world, Flight(*seeds[world], outcome, simulation.invariants[world].result(), swaps)
 
 
 def _missions(mission: Mission, seeds: list[Seeds]) -> list[Mission]:
@@ -199,24 +215,48 @@ def _rehearse(mission: Mission, seeds: Seeds) -> None:
 
 
 def _fly_forked(mission: Mission, batches: list[list[Seeds]], workers: int) -> Iterator[Flight | int]:
-    context = get_context("fork")
-    reader, writer = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(workers, context, _enlist, (reader, writer, context.Lock()))
+    reader, writer = _FORK.Pipe(duplex=False)
+    try:
+        with _forked(workers, _enlist, reader, writer, _FORK.Lock()) as pool:
+            with nobody_asks():
+                flying = {pool.submit(fly_seeds, mission, batch) for batch in batches}  # the first one forks
+            writer.close()
+            yield from _hear(reader, flying)
+    finally:
+        reader.close()
+
+
+@contextmanager
+def _forked(workers: int, begin: Callable[..., None], *given: Any) -> Iterator[ProcessPoolExecutor]:
+    """A pool of forked processes. They are killed where the block raises: nobody wants the rest any more, and a policy that does
+    not return would never leave."""
+    pool = ProcessPoolExecutor(workers, _FORK, begin, given)
     others = active_children()
     try:
-        with nobody_asks():
-            flying = {pool.submit(fly_seeds, mission, batch) for batch in batches}  # the first one forks
-        writer.close()
-        yield from _hear(reader, flying)
-    except (
-        BaseException
-    ):  # nobody wants the rest any more, and a policy that does not return would never leave
+        yield pool
+    except BaseException:
         for worker in set(active_children()).difference(others):
             worker.kill()
         raise
     finally:
-        reader.close()
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def executor_of(crew: Crew, mission: Mission) -> Iterator[Executor]:
+    """An executor for the tasks of flights that are like ``mission``, on whoever the crew is.
+
+    Raises:
+        world.field.FieldError, agent.policy.PolicyError: the mission cannot be flown.
+    """
+    if crew.executor:
+        yield crew.executor
+        return
+    _rehearse(mission, (mission.map_seed, mission.seed))
+    with _forked(crew.workers, be_worker) as pool:
+        with nobody_asks():
+            pool.submit(int)  # the first one forks
+        yield pool
 
 
 def _hear(reader: Connection, flying: set[Future[list[Flight]]]) -> Iterator[Flight | int]:

@@ -1,0 +1,1 @@
+"""Random faults within a budget: what breaks, the shortest mission that still breaks so, kept as a test."""

@@ -1,0 +1,179 @@
+"""A campaign: many flights in which things go wrong; what broke, shrunk, kept and grouped.
+
+What was flown stays in the folder, a line per task, so that the same command goes on after a stop, and one for more flights flies
+only what is missing.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from concurrent.futures import Future, as_completed
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from protocols.errors import SwarmError
+from rsc_swarm.campaign.flying import Failure, Plan, Tally, fly_task
+from rsc_swarm.campaign.kept import KeptError
+from rsc_swarm.campaign.shrinking import shrink
+from rsc_swarm.study.fingerprint import fingerprint, whole_fingerprint
+from rsc_swarm.study.machines import Crew
+from rsc_swarm.study.workers import WorkerError, executor_of
+
+_T = TypeVar("_T")
+_V = TypeVar("_V")
+SHRUNK = 3  # failures of each name that are shrunk: the others are like them
+
+
+@dataclass(frozen=True)
+class Group:
+    """Failures with one name, the shortest first."""
+
+    name: str
+    failures: tuple[Failure, ...]
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A task that has been flown, or (without a tally) a failure that has been shrunk."""
+
+    task: int
+    size: int
+    tally: Tally | None = None
+    shrunk: Failure | None = None
+    digest: str = ""  # of the flight that was shrunk
+
+
+_LINE = TypeAdapter(_Line)
+
+
+class Told(Protocol):
+    """Who is told how it goes on."""
+
+    def __call__(self, tally: Tally, shrinking: int, /) -> None:
+        """So far; and how many failures are being shrunk."""
+
+
+class Journal:
+    """The finished tasks of one plan, flown by one code."""
+
+    def __init__(self, folder: Path, plan: Plan) -> None:
+        """Open or make it.
+
+        Raises:
+            KeptError: the folder cannot be written.
+        """
+        said = f"{whole_fingerprint()} {fingerprint(plan.mission)} {plan.budget} {plan.seed}"
+        code = hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
+        self.path = folder / f"{code}.journal.jsonl"
+        self.tasks: dict[int, Tally] = {}
+        self.shrunk: dict[str, Failure] = {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            for line in self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else []:
+                self._take(line, plan)
+        except OSError as error:
+            raise KeptError(f"--out {folder}: cannot be used ({error.strerror})") from None
+
+    def _take(self, text: str, plan: Plan) -> None:
+        try:
+            line = _LINE.validate_json(text)
+        except ValidationError:  # cut off in mid-line
+            return
+        if line.shrunk:
+            self.shrunk[line.digest] = line.shrunk
+        elif line.tally and line.task < plan.tasks and line.size == plan.size(line.task):
+            self.tasks[line.task] = line.tally
+
+    def write(self, line: _Line) -> None:
+        """Keep one more line.
+
+        Raises:
+            KeptError: the disk is full, say.
+        """
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write("\n" + json.dumps(_LINE.dump_python(line, mode="json")))
+        except OSError as error:
+            raise KeptError(f"{self.path}: cannot be written ({error.strerror})") from None
+
+
+def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
+    """Fly what is missing, then shrink what broke: `SHRUNK` failures of each name.
+
+    Raises:
+        WorkerError: a worker died or could not fly. KeptError: the folder cannot be used.
+        agent.policy.PolicyError: the policy raised.
+    """
+    journal = Journal(folder, plan)
+    missing = [task for task in range(plan.tasks) if task not in journal.tasks]
+    tally = _sum(journal)
+    told(tally, 0)
+    if not missing and all(failure.digest in journal.shrunk for failure in _first_of_each(tally)):
+        return _with_shrunk(tally, journal)
+    try:
+        with executor_of(crew, plan.mission) as executor:
+            flying = {executor.submit(fly_task, plan, task): task for task in missing}
+            for future in _ended(flying):
+                task, flown = flying[future], future.result()
+                journal.tasks[task] = flown
+                journal.write(_Line(task, plan.size(task), flown))
+                tally.add(flown)
+                told(tally, 0)
+            tally = _sum(journal)  # in the order of tasks, whichever ended first
+            todo = [failure for failure in _first_of_each(tally) if failure.digest not in journal.shrunk]
+            told(tally, len(todo))
+            shrinking = {executor.submit(shrink, plan, failure): failure for failure in todo}
+            for left, shrunk in enumerate(_ended(shrinking), 1):
+                found = shrinking[shrunk]
+                journal.shrunk[found.digest] = shrunk.result()
+                journal.write(_Line(found.task, 0, shrunk=shrunk.result(), digest=found.digest))
+                told(tally, len(todo) - left)
+    except (SwarmError, KeyboardInterrupt):
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split())
+        raise WorkerError(f"a worker broke: {type(error).__name__}: {said}; run it again to go on") from error
+    return _with_shrunk(tally, journal)
+
+
+def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:
+    try:
+        yield from as_completed(flying)
+    finally:  # nobody wants the rest any more
+        for future in flying:
+            future.cancel()
+
+
+def _sum(journal: Journal) -> Tally:
+    tally = Tally()
+    for _, flown in sorted(journal.tasks.items()):
+        tally.add(flown)
+    return tally
+
+
+def _first_of_each(tally: Tally) -> list[Failure]:
+    """The failures to shrink: of each name those with the fewest faults."""
+    return list(chain.from_iterable(group.failures[:SHRUNK] for group in groups(tally)))
+
+
+def _with_shrunk(tally: Tally, journal: Journal) -> Tally:
+    failures = [journal.shrunk.get(failure.digest, failure) for failure in tally.failures]
+    return Tally(tally.flights, tally.ticks, tally.excused, failures)
+
+
+def groups(tally: Tally) -> list[Group]:
+    """The failures by what broke: safety first, then by how many they are."""
+    by_name: dict[str, list[Failure]] = {}
+    for failure in tally.failures:
+        by_name.setdefault(failure.broken.name, []).append(failure)
+    found = [Group(name, tuple(sorted(some, key=_length))) for name, some in by_name.items()]
+    return sorted(found, key=lambda group: (not group.failures[0].broken.safety, -len(group.failures)))
+
+
+def _length(failure: Failure) -> tuple[bool, int, int, int]:
+    mission = failure.mission
+    return not failure.shrunk, len(mission.faults), mission.map_seed, mission.seed

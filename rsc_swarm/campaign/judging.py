@@ -1,0 +1,105 @@
+"""What a flight in which things went wrong must keep: safety at every moment, and liveness once nothing goes wrong any more.
+
+    safety      nobody collides; every view gives every slot to one drone; who knows the same believes the same; swaps come within
+                the pauses; no swap is undone but for the reasons in docs/slots.md
+    liveness    after the last trouble is over: all living drones come to one view, and to the goal in formation, in time
+
+What nobody could have prevented is no breach: a drone that hangs drifts on, so what it hits while it hangs, or before it can have
+braked after, is counted as excused.
+"""
+
+import re
+from dataclasses import dataclass
+
+from protocols.dynamics import TICK_S
+from protocols.mission.document import Mission
+from rsc_swarm.flight.report import describe, missed_faults
+from rsc_swarm.study.workers import Flight
+from world.field import draw_slots
+
+_BRAKING_S = 1.0  # from top speed, with a share of the acceleration that is kept for it
+_SETTLING_S = (
+    2.0  # for all to come to one view, besides the time after which a drone unheard is taken for dead
+)
+
+
+@dataclass(frozen=True)
+class Broken:
+    """What a flight did not keep: a name, the same for all flights that broke it; whether it is safety; and a sentence."""
+
+    name: str
+    safety: bool
+    detail: str
+
+
+@dataclass(frozen=True)
+class Excused:
+    """What looks broken, and nobody could have prevented."""
+
+    detail: str
+
+
+def judge(mission: Mission, flight: Flight) -> Broken | Excused | None:
+    """What ``flight`` of ``mission`` did not keep, the worst of it; None: it kept all."""
+    outcome, watched = flight.outcome, flight.watched
+    detail = describe(outcome, mission, watched.breach)
+    if watched.breach:
+        return Broken(f"slots: {watched.breach.split(' at ')[0].split(':')[0]}", True, watched.breach)
+    if outcome.struck_off:
+        return Broken("a drone is struck off", True, detail)
+    collided = outcome.rest_failure or outcome.failure
+    if collided == "collision":
+        nature = excuse(mission, outcome.closest)
+        what = "an obstacle" if "obstacle" in outcome.closest else "each other"
+        return Excused(f"{detail}: {nature}") if nature else Broken(f"drones hit {what}", True, detail)
+    if watched.undone and not _may_undo(mission, flight):
+        return Broken("a swap is undone", True, f"{watched.undone} swaps were undone, and nothing allowed it")
+    if mission.fly_s is None and outcome.failure == "late":
+        return Broken("not in formation in time", False, detail)
+    if not watched.agreed and watched.agreed_after_s is None and _has_settled(mission, flight):
+        return Broken(
+            "views differ to the end", False, "the views of the slots were never equal after the last trouble"
+        )
+    return None
+
+
+def excuse(mission: Mission, closest: str) -> str | None:
+    """Why a collision could not be prevented, if so; ``closest`` as world.outcome tells it."""
+    text = re.match(r"agents? (\d+) and (agent |obstacle )?(\d+) .* t = ([\d.]+) s", closest)
+    if not text:
+        return None
+    agents = [int(text[1])] if "obstacle" in closest else [int(text[1]), int(text[3])]
+    at_s, slots = float(text[4]), draw_slots(mission).tolist()
+    for agent in agents:
+        for begin, end in _hung(mission, agent, slots):
+            if begin < at_s <= end + _BRAKING_S:
+                return f"agent {agent} hung from {begin:g} to {end:g} s"
+    return None
+
+
+def _hung(mission: Mission, agent: int, slots: list[int]) -> list[tuple[float, float]]:
+    """When the drone neither sensed nor answered: (from, to) in seconds."""
+    spells, since = [], None
+    for fault in sorted(mission.faults, key=lambda fault: fault.at_s):
+        struck = agent in fault.agents or slots[agent] in fault.slots
+        if struck and fault.kind == "freeze":
+            since = fault.at_s
+        elif struck and fault.kind in ("thaw", "restart") and since is not None:
+            spells.append((since, fault.at_s))
+            since = None
+    return spells if since is None else [*spells, (since, float("inf"))]
+
+
+def _may_undo(mission: Mission, flight: Flight) -> bool:
+    """Whether a swap may be undone: a promise timed out, a drone restarted, or a vacancy moved one of them (docs/slots.md)."""
+    restarted = any(fault.kind == "restart" for fault in mission.faults)
+    return bool(restarted or flight.swaps["timed_out"] or flight.swaps["vacated"])
+
+
+def _has_settled(mission: Mission, flight: Flight) -> bool:
+    last = max((fault.at_tick for fault in mission.faults), default=0)
+    waited_s = (flight.outcome.ticks - last) * TICK_S
+    return (
+        not missed_faults(mission, flight.outcome.ticks)
+        and waited_s > mission.silent_ticks * TICK_S + _SETTLING_S
+    )

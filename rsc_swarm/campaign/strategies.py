@@ -1,0 +1,150 @@
+"""What Hypothesis draws: missions in which things go wrong, within a budget.
+
+Simpler is nearer to nothing going wrong, early: so Hypothesis shrinks towards the mission itself.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+from pydantic import ValidationError
+
+from protocols.dynamics import TICK_S, ticks_of
+from protocols.mission.document import Mission
+from protocols.mission.fields import Radio
+from rsc_swarm.campaign.budget import WEATHER, Budget, ready, spoilt
+
+MAPS = 1_000_000  # as many, from there on: none of them is among the maps of the tables
+_WEATHERS = 3  # besides the mission's own, at a time
+
+Trouble = list[dict[str, Any]]  # faults that belong together, such as freeze and thaw
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A mission without the trouble that was drawn for it, and that, one after the other."""
+
+    calm: Mission
+    troubles: tuple[Trouble, ...]
+
+    @property
+    def mission(self) -> Mission:
+        """What is flown: with all trouble, but what would do nothing after that before it."""
+        mission = self.calm
+        for faults in self.troubles:
+            later = sorted([*mission.faults, *faults], key=_when)
+            mission = _checked(mission, {"faults": later}) or mission
+        return mission
+
+
+def missions(mission: Mission, budget: Budget, weathers: int = 0) -> SearchStrategy[Mission]:
+    """The missions of `schedules`."""
+    return schedules(mission, budget, weathers).map(lambda schedule: schedule.mission)
+
+
+def schedules(mission: Mission, budget: Budget, weathers: int = 0) -> SearchStrategy[Schedule]:
+    """``mission`` on other maps, from other starts, with more faults and a worse radio, as the budget allows.
+
+    Args:
+        weathers: a number that decides which few radios are drawn from; flights with one radio fly in step.
+
+    Raises:
+        protocols.mission.document.MissionError: the mission cannot be flown with this budget.
+    """
+    longer = ready(mission, budget)
+    rng = np.random.default_rng(weathers)
+    radios = [longer.radio, *(spoilt(longer.radio, _weather(budget, rng)) for _ in range(_WEATHERS))]
+    flyable = [radio for radio in radios if _checked(longer, {"radio": radio})]
+    seeds = st.integers(MAPS, 2 * MAPS - 1)
+
+    def made(troubles: tuple[Trouble, ...], radio: Radio, map_seed: int, seed: int) -> Schedule:
+        fields = {"radio": radio, "map_seed": map_seed, "seed": seed}
+        return Schedule(longer.model_copy(update=fields), troubles)
+
+    return st.builds(made, _troubles(longer, budget), st.sampled_from(flyable), seeds, seeds)
+
+
+def _weather(budget: Budget, rng: np.random.Generator) -> dict[str, float]:
+    """Some of what may be wrong with the radio, each as bad as chance has it."""
+    digits = {"delay_ms": -1, "jitter_ms": -1}
+    return {
+        name: round(float(rng.uniform(0, getattr(budget, name))), digits.get(name, 2))
+        for name in WEATHER
+        if rng.random() < 0.5
+    }
+
+
+def _when(fault: Any) -> float:
+    return float(fault["at_s"] if isinstance(fault, dict) else fault.at_s)
+
+
+def _checked(mission: Mission, fields: dict[str, Any]) -> Mission | None:
+    try:
+        return Mission.model_validate({**dict(mission), **fields})
+    except ValidationError:
+        return None
+
+
+def _troubles(mission: Mission, budget: Budget) -> SearchStrategy[tuple[Trouble, ...]]:
+    drone = st.integers(0, mission.agents - 1)
+    begin = st.integers(0, ticks_of(budget.until_s))
+
+    def lasting(longest_s: float) -> SearchStrategy[int]:
+        return st.integers(1, max(1, ticks_of(longest_s)))
+
+    kinds = {
+        "kill": st.builds(_one("kill"), drone, begin),
+        "freeze": st.builds(_pair("freeze", "thaw"), drone, begin, lasting(budget.freeze_s)),
+        "hang": st.builds(_pair("freeze", "restart"), drone, begin, lasting(budget.freeze_s)),
+        "restart": st.builds(_one("restart"), drone, begin),
+        "part": st.builds(
+            _part(mission.agents),
+            st.sets(drone, min_size=1, max_size=max(1, mission.agents - 1)),
+            begin,
+            lasting(budget.part_s),
+        ),
+        "slow": st.builds(
+            _slow, drone, begin, lasting(budget.slow_s), st.integers(round(100 * budget.slow_factor), 99)
+        ),
+    }
+    allowed = [
+        st.lists(kinds[kind], max_size=getattr(budget, kind))
+        for kind in kinds
+        if getattr(budget, kind) and (kind != "part" or mission.agents > 1)
+    ]
+    return st.tuples(*allowed).map(lambda lists: tuple(faults for some in lists for faults in some))
+
+
+def _at(tick: int, kind: str, **what: Any) -> dict[str, Any]:
+    return {"at_s": round(tick * TICK_S, 2), "kind": kind, **what}
+
+
+def _one(kind: str) -> Any:
+    def made(drone: int, begin: int) -> Trouble:
+        return [_at(begin, kind, agents=[drone])]
+
+    return made
+
+
+def _pair(first: str, second: str) -> Any:
+    def made(drone: int, begin: int, lasting: int) -> Trouble:
+        return [_at(begin, first, agents=[drone]), _at(begin + lasting, second, agents=[drone])]
+
+    return made
+
+
+def _slow(drone: int, begin: int, lasting: int, percent: int) -> Trouble:
+    return [
+        _at(begin, "slow", agents=[drone], factor=percent / 100),
+        _at(begin + lasting, "recover", agents=[drone]),
+    ]
+
+
+def _part(agents: int) -> Any:
+    def made(apart: set[int], begin: int, lasting: int) -> Trouble:
+        groups = [sorted(apart), sorted(set(range(agents)) - apart)]
+        return [_at(begin, "part", groups=groups), _at(begin + lasting, "heal")]
+
+    return made

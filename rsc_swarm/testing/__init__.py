@@ -1,0 +1,1 @@
+"""For tests of one's own: missions that Hypothesis draws, and fixtures for pytest."""

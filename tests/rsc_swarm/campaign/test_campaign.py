@@ -1,0 +1,168 @@
+"""A campaign finds what breaks, makes it short, keeps it, and goes on where it was stopped."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from protocols.mission.document import Mission
+from protocols.wire.status import SWAP_COUNTS
+from rsc_swarm.campaign import flying
+from rsc_swarm.campaign.budget import parse_budget
+from rsc_swarm.campaign.campaign import fly, groups
+from rsc_swarm.campaign.flying import Plan, Tally
+from rsc_swarm.campaign.judging import Broken, Excused, judge
+from rsc_swarm.campaign.kept import KeptError, all_kept, fly_kept, keep
+from rsc_swarm.campaign.page import write_index
+from rsc_swarm.cli import main as cli
+from rsc_swarm.study.machines import Crew
+from rsc_swarm.study.workers import Flight
+from world.invariants import Watched
+from world.outcome import Outcome
+
+# Where nobody may trade slots, a dead leader's slot stays empty, and the formation is never complete.
+STIFF = Mission(
+    name="stiff", agents=4, policy="analytic", swap={"rule": "off"}, obstacles={"count": [0, 0]}, goal_x_m=3, time_limit_s=4,
+    start={"radius_m": 1},
+)  # fmt: skip
+PLAN = Plan(STIFF, parse_budget("none,kill=1,slow=1,restart=1,until_s=0.5,slow_s=0.5"), seed=1, flights=12)
+
+
+def unheard(tally: Tally, shrinking: int) -> None:
+    pass
+
+
+def test_what_breaks_is_made_short_and_kept_and_can_be_checked(tmp_path: Path) -> None:
+    tally = fly(PLAN, Crew(1), tmp_path, unheard)
+    assert tally.flights == 12
+    (group,) = groups(tally)
+    assert group.name == "not in formation in time"
+    shortest = group.failures[0]
+    assert shortest.shrunk
+    assert [fault.kind for fault in shortest.mission.faults] == ["kill"]
+    places = {failure.digest: keep(failure, tmp_path) for failure in tally.failures}
+    assert len(places) == len(tally.failures)
+
+    for kept in all_kept(tmp_path):
+        flown = fly_kept(kept)
+        assert flown.broken
+        assert flown.digest == kept.digest
+        assert str(flown).startswith(f"{kept.path}: not in formation in time, as kept bit for bit: ")
+    kept = all_kept(tmp_path)[0]
+    mended = replace(kept, mission=kept.mission.model_copy(update={"faults": ()}))
+    assert str(fly_kept(mended)) == f"{kept.path}: keeps all (it broke: not in formation in time)"
+
+    page = write_index(tmp_path, PLAN, tally, places, "rsc-swarm campaign <&>").read_text()
+    assert page.count("--replay") == len(tally.failures)
+    assert "rsc-swarm campaign &lt;&amp;&gt;" in page
+
+
+def test_a_stopped_campaign_goes_on_and_a_longer_one_flies_what_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(flying, "TASK", 4)
+    monkeypatch.setattr("rsc_swarm.campaign.campaign.SHRUNK", 0)
+
+    def stop(tally: Tally, shrinking: int) -> None:
+        if tally.flights:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fly(PLAN, Crew(1), tmp_path, stop)
+    seen: list[int] = []
+    tally = fly(PLAN, Crew(1), tmp_path, lambda tally, shrinking: seen.append(tally.flights))
+    assert seen[0] == 4
+    assert tally == fly(PLAN, Crew(2), tmp_path / "whole", unheard)
+    seen.clear()
+    fly(replace(PLAN, flights=16), Crew(1), tmp_path, lambda tally, shrinking: seen.append(tally.flights))
+    assert (seen[0], seen[-1]) == (12, 16)
+
+
+SOUND = Outcome(True, None, 1300, 13.0, 2.0, 0.01, 0.1, 1.0, "", None, 0.0, (), "d")
+SEEN = Watched(None, 0.0, 0.5, None, True, 3, 0)
+SWAPS = dict.fromkeys(SWAP_COUNTS, 0)
+HUNG = Mission(
+    agents=9,
+    faults=[{"at_s": 2, "kind": "freeze", "agents": [4]}, {"at_s": 2.5, "kind": "thaw", "agents": [4]}],
+)
+
+
+def collision(who: str, at_s: float) -> Outcome:
+    return replace(
+        SOUND, success=False, failure="collision", closest=f"{who} at x = 1.0 m, y = 2.0 m, t = {at_s:.2f} s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("outcome", "watched", "name"),
+    [
+        (SOUND, SEEN, None),
+        (SOUND, replace(SEEN, breach="permutation broken at tick 7: agent 3 believes []"), "slots: permutation broken"),
+        (SOUND, replace(SEEN, breach="livelock at tick 7: 99 swaps"), "slots: livelock"),
+        (collision("agents 1 and 2", 2.2), SEEN, "drones hit each other"),
+        (collision("agent 1 and obstacle 4", 2.2), SEEN, "drones hit an obstacle"),
+        (collision("agent 4 and obstacle 1", 1.9), SEEN, "drones hit an obstacle"),
+        (collision("agent 4 and obstacle 1", 2.2), SEEN, "excused"),
+        (collision("agents 1 and 4", 3.4), SEEN, "excused"),
+        (collision("agent 4 and obstacle 1", 3.6), SEEN, "drones hit an obstacle"),
+        (SOUND, replace(SEEN, undone=1), "a swap is undone"),
+        (replace(SOUND, success=False, failure="late"), SEEN, "not in formation in time"),
+        (SOUND, replace(SEEN, agreed=False, agreed_after_s=None), "views differ to the end"),
+        (SOUND, replace(SEEN, agreed=False, agreed_after_s=0.5), None),
+        (replace(SOUND, ticks=300), replace(SEEN, agreed=False, agreed_after_s=None), None),
+    ],
+)  # fmt: skip
+def test_a_flight_is_judged(outcome: Outcome, watched: Watched, name: str | None) -> None:
+    found = judge(HUNG, Flight(1, 1, outcome, watched, SWAPS))
+    assert ("excused" if isinstance(found, Excused) else found and found.name) == name
+    if isinstance(found, Broken):
+        assert found.safety == (name not in ("not in formation in time", "views differ to the end"))
+
+
+def test_a_swap_may_be_undone_for_the_reasons_that_are_stated() -> None:
+    undone = replace(SEEN, undone=1)
+    assert judge(HUNG, Flight(1, 1, SOUND, undone, {**SWAPS, "timed_out": 1})) is None
+    assert judge(HUNG, Flight(1, 1, SOUND, undone, {**SWAPS, "vacated": 1})) is None
+    restarted = HUNG.model_copy(
+        update={"faults": Mission(faults=[{"at_s": 1, "kind": "restart", "agents": [0]}]).faults}
+    )
+    assert judge(restarted, Flight(1, 1, SOUND, undone, SWAPS)) is None
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("campaign nowhere", "--mission nowhere: no such file"),
+        ("campaign plain --mission dense", "--mission dense: plain is given already"),
+        ("campaign --map 3", "--map: a campaign draws the maps; leave it out"),
+        ("campaign --check /nowhere", "--check /nowhere: no missions here"),
+        ("campaign --replay /nowhere.yaml", "/nowhere.yaml: cannot be read"),
+        ("campaign --agents 4 --budget kill=4", "--budget kill=4: leaves none of 4 drones"),
+    ],
+)
+def test_bad_usage_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, line: str
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["rsc-swarm", *words.split()])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"rsc-swarm: {line}")
+
+
+def test_without_hypothesis_one_line_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "hypothesis", None)
+    monkeypatch.setattr(sys, "argv", ["rsc-swarm", "campaign"])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 2
+    assert "a campaign needs hypothesis: pip install -e '.[campaign]'" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(KeptError, match="cannot be used"):
+        fly(PLAN, Crew(1), tmp_path / "file" / "folder", unheard)
