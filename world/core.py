@@ -226,8 +226,7 @@ class WorldCore:
                 self.inbox_start,
                 self.inbox,
                 referee.Standard(
-                    layout.offsets, layout.parent, layout.is_leaf, layout.spacing, first.edge_tolerance,
-                    limits.collision_m,
+                    layout.offsets, layout.parent, layout.spacing, first.edge_tolerance, limits.collision_m, True
                 ),
                 self._findings,
                 self._bound,

@@ -5,7 +5,7 @@
                tree has a length error below the tolerance; who is at which slot is what the drones themselves claim
     late       neither within the time limit
 
-A drone that died is out of the air. Its slot may stay empty only if that slot is a leaf of the tree.
+A drone that died is out of the air. A slot may be empty only if all slots below it in the tree are.
 """
 
 import math
@@ -51,15 +51,16 @@ VERDICT = np.dtype(
 
 
 class Standard(NamedTuple):
-    """What is judged by: offsets (N, 2) [m], parent (N,), is_leaf (N,): the formation. spacing_m: the length of its edges,
-    edge_tolerance: the relative error below which one stands. collision_m: nearer than this is a collision."""
+    """What is judged by: offsets (N, 2) [m], parent (N,): the formation. spacing_m: the length of its edges,
+    edge_tolerance: the relative error below which one stands. collision_m: nearer than this is a collision. closed: whether those
+    below an empty slot must have moved up."""
 
     offsets: NDArray[np.float64]
     parent: NDArray[np.int16]
-    is_leaf: NDArray[np.bool_]
     spacing_m: float
     edge_tolerance: float
     collision_m: float
+    closed: bool
 
 
 class Findings(NamedTuple):
@@ -134,12 +135,12 @@ def judge_world(
     complete = shared == 0
     for slot in range(agents):
         follower = holder[slot]
-        if follower < 0:
-            complete &= standard.is_leaf[slot]
-            continue
-        if parent[slot] == NO_PARENT or holder[parent[slot]] < 0:
+        if follower < 0 or parent[slot] == NO_PARENT:
             continue
         leader = holder[parent[slot]]
+        if leader < 0:
+            complete &= not standard.closed
+            continue
         dx = position[world, follower, 0] - position[world, leader, 0]
         dy = position[world, follower, 1] - position[world, leader, 1]
         error = abs(math.sqrt(dx * dx + dy * dy) - spacing) / spacing

@@ -36,13 +36,6 @@ class Formation:
     def __len__(self) -> int:
         return len(self.parent)
 
-    @property
-    def is_leaf(self) -> NDArray[np.bool_]:
-        """(N,) slots that lead no other."""
-        leaf = np.ones(len(self.parent), np.bool_)
-        leaf[self.parent[self.parent != NO_PARENT]] = False
-        return leaf
-
 
 def default_shape(agents: int) -> str:
     """The shape flown when none is asked for: a full square if N allows one, else a hollow triangle, else a V."""

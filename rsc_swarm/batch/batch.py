@@ -81,7 +81,6 @@ class Batch:
             obstacle_count=np.zeros(worlds, np.int64),
             obstacles=np.zeros((worlds, MAX_OBSTACLES, 3)),
             goal_x=np.zeros(worlds),
-            is_leaf=mission.layout.is_leaf,
             findings=referee.empty_findings(worlds, agents),
             closest=np.zeros(worlds),
             formed=np.zeros(worlds, np.int64),

@@ -55,7 +55,6 @@ class Stage(NamedTuple):
     obstacle_count: NDArray[np.int64]
     obstacles: NDArray[np.float64]
     goal_x: NDArray[np.float64]
-    is_leaf: NDArray[np.bool_]
     findings: referee.Findings
     closest: NDArray[np.float64]
     formed: NDArray[np.int64]
@@ -243,7 +242,7 @@ def _move(world: int, stage: Stage, field: Field) -> None:
 def _judge(world: int, stage: Stage, field: Field, arrays: TickArrays, holder: NDArray[np.int64]) -> None:
     shape, x = arrays.shape, target_x(stage.ticks[world], arrays.rules.target_mps)
     standard = referee.Standard(
-        shape.offsets, shape.parent, stage.is_leaf, field.spacing_m, field.edge_tolerance, field.collision_m
+        shape.offsets, shape.parent, field.spacing_m, field.edge_tolerance, field.collision_m, True
     )
     referee.judge_world(
         world, _bodies(stage), stage.claim, _ground(stage), x, standard, stage.findings, holder

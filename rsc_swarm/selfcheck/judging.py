@@ -17,8 +17,8 @@ def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
         plant.Ground(np.array([flown.goal_x]), np.array([len(discs)]), discs[None]),
     )
     standard = referee.Standard(
-        formation.offsets, formation.parent, np.ones(agents, np.bool_), formation.spacing, mission.edge_tolerance,
-        mission.limits.collision_m,
+        formation.offsets, formation.parent, formation.spacing, mission.edge_tolerance, mission.limits.collision_m,
+        closed=False,
     )  # fmt: skip
     found = referee.empty_findings(1, agents)
     judgement, nothing, active = Judgement(mission), np.zeros((1, agents, 2)), np.ones(1, np.bool_)

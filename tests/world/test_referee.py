@@ -139,6 +139,15 @@ def test_an_empty_leaf_is_allowed() -> None:
     assert outcome.lost_agents == (4,)
 
 
+def test_an_empty_slot_is_allowed_when_all_below_it_are_empty() -> None:
+    """Nobody is left to move up; found by a campaign that killed two drones, one below the other."""
+    core = world()
+    core.flying[0, [3, 4]] = False
+    outcome = judged(core)
+    assert outcome is not None
+    assert outcome.success
+
+
 def test_an_empty_inner_slot_is_not() -> None:
     core = world()
     core.flying[0, [3]] = False

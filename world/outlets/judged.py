@@ -20,8 +20,8 @@ def findings_of(path: Trajectory, mission: Mission) -> Findings:
     ground = Ground(np.full(rows, path.goal_x), np.full(rows, len(path.obstacles), np.int64), discs)
     layout = mission.layout
     standard = Standard(
-        layout.offsets, layout.parent, layout.is_leaf, layout.spacing, mission.edge_tolerance,
-        mission.limits.collision_m,
+        layout.offsets, layout.parent, layout.spacing, mission.edge_tolerance,
+        mission.limits.collision_m, closed=True,
     )  # fmt: skip
     findings = empty_findings(rows, agents)
     target = mission.target.speed_mps * path.tick_s * np.arange(rows, dtype=np.float64)

@@ -13,7 +13,7 @@ from rsc_swarm.campaign.budget import parse_budget
 from rsc_swarm.campaign.campaign import fly, groups
 from rsc_swarm.campaign.flying import Plan, Tally
 from rsc_swarm.campaign.judging import Broken, Excused, judge
-from rsc_swarm.campaign.kept import KeptError, all_kept, fly_kept, keep
+from rsc_swarm.campaign.kept import Kept, KeptError, all_kept, fly_kept, keep
 from rsc_swarm.campaign.page import write_index
 from rsc_swarm.cli import main as cli
 from rsc_swarm.study.machines import Crew
@@ -166,3 +166,8 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(KeptError, match="cannot be used"):
         fly(PLAN, Crew(1), tmp_path / "file" / "folder", unheard)
+
+
+@pytest.mark.parametrize("kept", all_kept(Path(__file__).parent / "kept"), ids=lambda kept: kept.path.stem)
+def test_what_broke_once_breaks_no_more(kept: Kept) -> None:
+    assert fly_kept(kept).broken is None
