@@ -192,7 +192,7 @@ class WorldCore:
         self.inbox = np.zeros((worlds * queue.entry.shape[2], 2), np.int32)
         # Only where something goes wrong, or may, is there news to wait for.
         self._bound = information_bound.empty_information_bound(
-            worlds if first.faults or watched else 0, agents, self.ring
+            worlds if watched or any(mission.faults for mission in missions) else 0, agents, self.ring
         )
         limits, layout = first.limits, self.layout
         self._stage = by_reference(
