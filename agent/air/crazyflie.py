@@ -6,7 +6,6 @@ in the fleet file is the endpoint of its radio host; without it is that of the d
 An order is said again with every look at the state; a setpoint is not, so that who hangs is silent.
 """
 
-import json
 import math
 import queue
 import time
@@ -15,18 +14,18 @@ from typing import Any
 
 import zenoh
 
+from agent.air.orders import Ordered
 from agent.air.vehicle import Rig, Setpoint, State, VehicleAddressError, VehicleError
 from protocols.wire import vehicles
 from protocols.wire.endpoints import checked_endpoint
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON
+from protocols.wire.transport import COMMON, filled
 from protocols.wire.vehicles import Account, Kind, Order, VehicleMessageError
 
 _SAY_S = 0.015  # between two orders: 50 Hz are followed, and what is said at 100 Hz is thinned out
-_NUMBERS = 2**32
 
 
-class CrazyflieVehicle:
+class CrazyflieVehicle(Ordered):
     """As agent.air.vehicle.Vehicle has it."""
 
     def __init__(self, where: str, rig: Rig) -> None:
@@ -41,7 +40,6 @@ class CrazyflieVehicle:
         except (LinkError, ValueError) as error:
             raise VehicleAddressError(f"crazyflie:{where}: {error}") from None
         self._uri, self._rig, self._swarm = where, rig, rig.swarm
-        self._order = Order(Kind.NOTHING, 0)
         self._said_at = -math.inf
         self._accounts: queue.SimpleQueue[tuple[float, Account]] = queue.SimpleQueue()
         self._newest: tuple[float, Account] | None = None
@@ -79,10 +77,7 @@ class CrazyflieVehicle:
             "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
         }
         try:
-            config = zenoh.Config()
-            for name, value in settings.items():
-                config.insert_json5(name, json.dumps(value))
-            return zenoh.open(config)
+            return zenoh.open(filled(zenoh.Config(), settings))
         except zenoh.ZError as error:
             raise VehicleError(
                 f"no radio host answers at {self._endpoint} within {timeout_s:g} s: start it with 'rsc-swarm radio', or name "
@@ -114,25 +109,10 @@ class CrazyflieVehicle:
             health=tuple(words for ill, words in vehicles.WORDS.items() if ill in account.ill),
         )
 
-    def arm(self) -> None:
-        self._tell(Kind.ARM)
-
-    def take_off(self, height: float) -> None:
-        self._tell(Kind.TAKE_OFF, (0.0, 0.0, height))
-
     def fly(self, setpoint: Setpoint) -> None:
         if time.monotonic() - self._said_at >= _SAY_S:
-            self._order = Order(Kind.FLY, (self._order.number + 1) % _NUMBERS, *setpoint)
+            self._order = self._next(Kind.FLY, *setpoint)
             self._say()
-
-    def hold(self) -> None:
-        self._tell(Kind.HOLD)
-
-    def land(self) -> None:
-        self._tell(Kind.LAND)
-
-    def kill(self) -> None:
-        self._tell(Kind.KILL)
 
     def close(self) -> None:
         if self._session is not None:
@@ -140,11 +120,8 @@ class CrazyflieVehicle:
                 self._session.close()
             self._session = None
 
-    def _tell(self, kind: Kind, p: vehicles.Vector = (0.0, 0.0, 0.0)) -> None:
-        """An order that is given again is the same one."""
-        if self._order.kind is Kind.KILL or (kind, p) == (self._order.kind, self._order.p):
-            return
-        self._order = Order(kind, (self._order.number + 1) % _NUMBERS, p)
+    def _give(self, order: Order) -> None:
+        self._order = order
         self._said_at = -math.inf
         self._say()
 

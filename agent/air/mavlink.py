@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from agent.air.autopilots import PROFILES, Climb, Leader, Profile, Say, SetArmed, SetMode
+from agent.air.orders import Ordered
 from agent.air.telemetry import UNKNOWN, Telemetry
-from agent.air.vehicle import Mode, Rig, Setpoint, State, Vector, VehicleAddressError, VehicleError
+from agent.air.vehicle import Mode, Rig, Setpoint, State, VehicleAddressError, VehicleError
 from protocols.fleet.place import ned_of, ned_yaw
 from protocols.keeper import Stream
 from protocols.wire.vehicles import Kind, Order
@@ -46,7 +47,7 @@ class Address(NamedTuple):
     system: int
 
 
-class MavlinkVehicle:
+class MavlinkVehicle(Ordered):
     """As agent.air.vehicle.Vehicle has it."""
 
     def __init__(
@@ -71,7 +72,6 @@ class MavlinkVehicle:
         self._link: Any = None
         self._heard = Telemetry(self._address.system, self._address.autopilot, rig.start)
         self._leader: Leader | None = None
-        self._order = Order(Kind.NOTHING, 0)
         self._heartbeat_at = self._asked_at = self._fly_at = -math.inf
 
     # The port
@@ -107,25 +107,10 @@ class MavlinkVehicle:
             health=tuple(self._ills(leader)),
         )
 
-    def arm(self) -> None:
-        self._tell(Kind.ARM)
-
-    def take_off(self, height: float) -> None:
-        self._tell(Kind.TAKE_OFF, (0.0, 0.0, height))
-
     def fly(self, setpoint: Setpoint) -> None:
         if self._now() - self._fly_at >= _SOON_S:
             self._fly_at = self._now()
-            self._give(Order(Kind.FLY, self._order.number + 1, *setpoint))
-
-    def hold(self) -> None:
-        self._tell(Kind.HOLD)
-
-    def land(self) -> None:
-        self._tell(Kind.LAND)
-
-    def kill(self) -> None:
-        self._tell(Kind.KILL)
+            self._give(self._next(Kind.FLY, *setpoint))
 
     def close(self) -> None:
         if self._link is not None:
@@ -134,11 +119,6 @@ class MavlinkVehicle:
             self._link = None
 
     # What is said
-
-    def _tell(self, kind: Kind, p: Vector = (0.0, 0.0, 0.0)) -> None:
-        """An order that is given again is the same one."""
-        if self._order.kind is not Kind.KILL and (kind, p) != (self._order.kind, self._order.p):
-            self._give(Order(kind, self._order.number + 1, p))
 
     def _give(self, order: Order) -> None:
         self._order = order

@@ -4,7 +4,6 @@ Beacons go as best effort in datagrams, so that none ever waits behind one that 
 who is not in the fleet file is not found. The time at which something arrives is taken in the thread that brings it.
 """
 
-import json
 import os
 import queue
 import threading
@@ -18,7 +17,7 @@ from agent.air.clock import Utc
 from protocols.closing import Closing
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
 from protocols.wire.login import Certificates
-from protocols.wire.transport import secret
+from protocols.wire.transport import filled, secret
 
 # What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
 _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
@@ -70,14 +69,11 @@ class AirLink(Closing):
             "app:(worker_threads:1,max_blocking_threads:2))",
         )
         try:
-            config = zenoh.Config()
             settings = _settings(listen, connect)
             if certificates:
                 settings |= secret(certificates, "listen", "connect")
                 settings["access_control"] = _access(swarm, drones)
-            for name, value in settings.items():
-                config.insert_json5(name, json.dumps(value))
-            self._session = zenoh.open(config)
+            self._session = zenoh.open(filled(zenoh.Config(), settings))
         except zenoh.ZError as error:
             raise LinkError(
                 f"cannot listen at {listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "

@@ -6,7 +6,6 @@
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
 """
 
-import json
 import math
 import queue
 import threading
@@ -25,7 +24,7 @@ from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from protocols.wire.transport import AGENT_RUNTIME, COMMON, few_threads, secret
+from protocols.wire.transport import AGENT_RUNTIME, COMMON, few_threads, filled, secret
 
 _LOOK_AGAIN_S = 0.002
 _BEAT_S = 0.2  # after so long a wait for a message is looked at again
@@ -65,11 +64,8 @@ def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session
     if login.certificates and is_secret(endpoint):
         settings |= secret(login.certificates, "connect")
     try:
-        config = zenoh.Config()
-        for name, value in settings.items():
-            config.insert_json5(name, json.dumps(value))
         with few_threads(AGENT_RUNTIME):
-            return zenoh.open(config)
+            return zenoh.open(filled(zenoh.Config(), settings))
     except zenoh.ZError as error:
         from agent.radio.why_not import why_not  # loads what only this needs
 

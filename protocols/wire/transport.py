@@ -1,10 +1,11 @@
 """How both ends of a link set Zenoh up, and no more than both must agree on. This imports no Zenoh."""
 
 import base64
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, TypeVar
 
 from protocols.wire.login import Certificates
 
@@ -28,6 +29,20 @@ COMMON: dict[str, Any] = {
     "transport/link/tx/lease": _LEASE_MS,
     "transport/shared_memory/enabled": False,  # no gain at these sizes
 }
+
+
+class _Config(Protocol):
+    def insert_json5(self, key: str, value: str) -> None: ...
+
+
+C = TypeVar("C", bound=_Config)
+
+
+def filled(config: C, settings: Mapping[str, Any]) -> C:
+    """Zenoh's ``config`` with these settings in it."""
+    for name, value in settings.items():
+        config.insert_json5(name, json.dumps(value))
+    return config
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """The radio host: one process per Crazyradio, between the drones' processes and their Crazyflies."""
 
-import json
 import queue
 import sys
 import threading
@@ -20,7 +19,7 @@ from protocols.closing import Closing
 from protocols.keeper import STREAM_S, Keeper, Limits
 from protocols.wire import vehicles
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON
+from protocols.wire.transport import COMMON, filled
 from protocols.wire.vehicles import Account, Ill, Mode, Order, Vector, VehicleMessageError
 from rsc_swarm.radiohost.line import Line, init_drivers
 from rsc_swarm.radiohost.warden import Warden
@@ -225,10 +224,7 @@ class RadioHost(Closing):
 def _listen(endpoint: str) -> zenoh.Session:
     settings: dict[str, Any] = {"mode": "router", "listen/endpoints": [endpoint], **COMMON}
     try:
-        config = zenoh.Config()
-        for name, value in settings.items():
-            config.insert_json5(name, json.dumps(value))
-        return zenoh.open(config)
+        return zenoh.open(filled(zenoh.Config(), settings))
     except zenoh.ZError as error:
         raise LinkError(
             f"cannot listen at {endpoint}: is a radio host running there already? It reads tcp/127.0.0.1:7470, say"

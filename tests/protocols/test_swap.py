@@ -42,16 +42,15 @@ def test_only_the_one_asked_can_answer(answer: str) -> None:
     a, b, c = parties(3)
     a.propose(1, tick=0)
     assert a.deal is not None
-    note = SlotNote(c.digest, settled=True)
-    if answer == "acceptance":
-        counter = 1
-        seal = Stamps(b.me).seal(pack_swap(a.deal.swap(counter)))
-        note = note._replace(acceptance=Acceptance(a.me, a.deal.nonce, counter, seal))
-    else:
-        note = note._replace(refusals=(Refusal(a.me, a.deal.nonce),))
-    a.hear(note, c.me, tick=1)
-    assert a.stance is Stance.PROPOSING
-    a.hear(note, b.me, tick=1)
+    for agent in (c, b):  # each with a seal of its own
+        assert a.stance is Stance.PROPOSING
+        note = SlotNote(agent.digest, settled=True)
+        if answer == "acceptance":
+            seal = Stamps(agent.me).seal(pack_swap(a.deal.swap(1)))
+            note = note._replace(acceptance=Acceptance(a.me, a.deal.nonce, 1, seal))
+        else:
+            note = note._replace(refusals=(Refusal(a.me, a.deal.nonce),))
+        a.hear(note, agent.me, tick=1)
     assert (a.counts.committed, a.counts.refused) == ((1, 0) if answer == "acceptance" else (0, 1))
 
 

@@ -161,7 +161,7 @@ def test_when_the_next_has_moved_up_and_left_a_leaf_it_is_success() -> None:
 
 
 def test_two_claims_on_one_slot_are_no_formation_and_counted() -> None:
-    core = world()
+    core = world(moved(4, 41.0, -10.0))  # beside the other: all edges are right, whoever of the two counts
     assert judged(core, [0, 1, 2, 3, 0], ticks=5) is None
     core.end(0, "interrupted")
     outcome = core.outcomes[0]

@@ -10,7 +10,6 @@
 - A link must be closed, or the process hangs at exit: use it in a ``with`` statement.
 """
 
-import json
 import math
 import os
 import re
@@ -27,7 +26,7 @@ from protocols.closing import Closing
 from protocols.wire import keys, messages, pieces
 from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON, WORLD_RUNTIME, few_threads, secret
+from protocols.wire.transport import COMMON, WORLD_RUNTIME, few_threads, filled, secret
 from world.server.credentials import Credentials
 from world.server.datagrams import WorldDatagrams
 from world.server.pipes import Lookout
@@ -128,11 +127,8 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
     try:
         os.write(dictionary, credentials.dictionary().encode())
         settings["transport/auth/usrpwd/dictionary_file"] = f"/proc/self/fd/{dictionary}"
-        config = zenoh.Config()
-        for name, value in settings.items():
-            config.insert_json5(name, json.dumps(value))
         with few_threads(WORLD_RUNTIME):
-            return zenoh.open(config)
+            return zenoh.open(filled(zenoh.Config(), settings))
     except zenoh.ZError as error:
         reason = re.sub(r" at /\S*\.rs:\d+\.?", "", str(error))
         raise LinkError(
