@@ -64,6 +64,8 @@ CASES: list[tuple[str, Situation, Action, str]] = [
     ("head on", seen(v=(1.0, 0.0, 0.0), movers=(Mover(4, (0.7, 0.05, 1.0), (-1.0, 0.0, 0.0)),)), Action.HOLD,
      "about to hit drone 4"),
     ("head on, far away", seen(v=(0.5, 0.0, 0.0), movers=(Mover(4, (1.4, 0.0, 1.0), (-1.0, 0.0, 0.0)),)), Action.PASS, ""),
+    ("too near for the time it may be late", seen(v=(1.0, 0.0, 0.0), movers=(Mover(4, (0.4, 0.0, 1.0), (0.0, 0.0, 0.0)),)),
+     Action.HOLD, "about to hit drone 4"),
     ("side by side", seen(v=(1.0, 0.0, 0.0), movers=(Mover(4, (0.0, 0.2, 1.0), (1.0, 0.0, 0.0)),)), Action.PASS, ""),
     ("one below", seen(v=(1.0, 0.0, 0.0), movers=(Mover(4, (0.3, 0.0, 0.2), (0.0, 0.0, 0.0)),)), Action.PASS, ""),
     ("an obstacle ahead", seen(p=(0.7, 0.0, 1.0), v=(1.5, 0.0, 0.0)), Action.HOLD, "about to hit obstacle 0"),

@@ -59,6 +59,11 @@ def test_drones_hear_of_each_other_only_by_frames_at_the_rate_of_the_air() -> No
     assert made.mission.radio.frame_rate_hz == 25.0
 
 
+def test_what_goes_wrong_on_the_air_is_no_fault_of_the_mission() -> None:
+    faults = [{"at_s": 1, "kind": "kill", "agents": [1]}]
+    assert plan(parse_mission(MISSION.model_dump(mode="json") | {"faults": faults})).mission.faults == ()
+
+
 def test_who_gives_no_start_stands_at_its_slot() -> None:
     made = plan(drones=drones({}, {"start_m": [-3.5, 0.1]}, {}))
     slots = made.slots_at(0)
@@ -103,7 +108,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("one body twice", {"drones": drones({}, {"body": "crazyflie:E7"}, {"body": "crazyflie:E7"})},
      "drones: 1 and 2 have both the body crazyflie:E7"),
     ("starts too near", {"drones": drones({}, {"start_m": [-3, 0.1]}, {"start_m": [-3, 0]})}, "0.10 m apart, and 0.15 m"),
-    ("a start in an obstacle", {"obstacles_m": [[-3, 0.1, 0.1]]}, "stands .* m from obstacle 0"),
+    ("a start in an obstacle", {"obstacles_m": [[-3, 0.4, 0.3]]}, "stands .* m from obstacle 0"),
     ("a short fence", {"fence": {"x_m": [-4, 2], "y_m": [-2, 2]}}, r"fence.x_m: .* smaller than the way; give at least \["),
     ("a narrow fence", {"fence": {"x_m": [-4, 5], "y_m": [0.5, 2]}}, "fence.y_m: .* smaller than the way"),
     ("a low fence", {"fence": {"x_m": [-4, 5], "y_m": [-2, 2], "z_m": [0, 1.1]}}, "fence.z_m: .* smaller than the way"),
