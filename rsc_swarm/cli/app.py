@@ -1,6 +1,7 @@
 """What all commands share: the application, options that several of them take, and the look of their help."""
 
 import inspect
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from enum import StrEnum
@@ -130,9 +131,13 @@ def examples(*lines: str) -> str:
 def announce_compiling() -> None:
     """Compile the rules if that has not been done, and show how far it has come.
 
+    On a terminal one sees something at once, whatever is loaded first; what comes next is written over it.
+
     Raises:
         rsc_swarm.machine.limits.MachineError: there is too little memory even to import what it needs.
     """
+    if sys.stderr.isatty():
+        print("getting ready...", end="\r", file=sys.stderr, flush=True)
     from rsc_swarm.machine.limits import check_addresses
 
     check_addresses()

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
@@ -11,6 +12,8 @@ from rsc_swarm.flight.events import End, Event, end_told, events_of
 from rsc_swarm.flight.report import FlightReport
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from world.outlets.trajectory import Trajectory
+
+_IN_SIGHT_M = 60.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,21 @@ class Recorded:
         """The row of success, else the last."""
         last = len(self.path.slots) - 1
         return last if self.tau_s is None else min(last, round(self.tau_s / self.path.tick_s))
+
+    @property
+    def goal_in_sight(self) -> bool:
+        """Whether the goal line belongs on a picture: not where it is far from all that was flown."""
+        return bool(self.path.goal_x - self.path.positions[:, :, 0].max() <= _IN_SIGHT_M)
+
+    @property
+    def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower left and upper right corner of what is to be seen, (2,) each, m: the paths, obstacles, and the goal line."""
+        points, discs = self.path.positions.reshape(-1, 2), self.path.obstacles
+        goal = [(self.path.goal_x, points[0, 1])] if self.goal_in_sight else []
+        seen = np.concatenate(
+            [points, discs[:, :2] - discs[:, 2:], discs[:, :2] + discs[:, 2:], np.reshape(goal, (-1, 2))]
+        )
+        return seen.min(axis=0), seen.max(axis=0)
 
     @cached_property
     def events(self) -> list[Event]:

@@ -1,4 +1,4 @@
-"""The live view of a flight: one table on a terminal, one line per two simulated seconds elsewhere.
+"""The live view of a flight: a map and a table on a terminal, one line per two simulated seconds elsewhere.
 
 No threads: the picture is drawn when `View.update` is called and at no other time; the launcher forks.
 """
@@ -8,15 +8,19 @@ import sys
 from types import TracebackType
 from typing import Self, TextIO
 
-from rich.console import Group
+from rich.console import ConsoleDimensions, Group
 from rich.live import Live
 from rich.text import Text
 
+from rsc_swarm.show.field_map import LEGEND, FieldMap
 from rsc_swarm.show.render import console
 from world.outlets.snapshot import AgentRow, Snapshot
 
 _LINE_EVERY_S = 2.0
 _HEAD_LINES = 6  # and the line that explains the columns
+_MAP_LINES = 16  # at most; and its legend
+_GOOD_MAP_LINES, _LEAST_MAP_LINES = 8, 5  # a smaller one says nothing
+_WIDEST = 120  # columns of the map
 _ONE_COLUMN = 20  # more drones than this are shown in two columns
 _HEADING = f"{'agent':>5} {'slot':>4} {'m/s':>4} {'near m':>6} {'edge':>5} {'hear':>4} {'bad':>3}"
 _FOOTER = "near: to anything; edge: off its length; hear: drones heard; bad: frames refused"
@@ -34,6 +38,7 @@ class View:
             if self._console.is_terminal
             else None
         )
+        self._map = FieldMap()
         self._next_line_s = 0.0
         self.last: Snapshot | None = None
 
@@ -41,7 +46,8 @@ class View:
         """Show this moment."""
         self.last = snapshot
         if self._live:
-            self._live.update(picture(self._title, snapshot, self._console.height), refresh=True)
+            size = self._console.size
+            self._live.update(picture(self._title, snapshot, size, self._map), refresh=True)
         elif snapshot.time_s >= self._next_line_s:
             self._next_line_s = (math.floor(snapshot.time_s / _LINE_EVERY_S) + 1) * _LINE_EVERY_S
             self._console.print(Text(line(snapshot)))
@@ -104,8 +110,8 @@ def _late(snapshot: Snapshot) -> str:
     return f"  late answers {snapshot.deadline_misses}" if snapshot.deadline_misses else ""
 
 
-def picture(title: str, snapshot: Snapshot, height: int) -> Group:
-    """One moment as a picture of at most ``height`` lines and 80 columns."""
+def picture(title: str, snapshot: Snapshot, size: ConsoleDimensions, field: FieldMap) -> Group:
+    """One moment as a picture that fits into ``size``: figures, the ``field`` if there is room for it, and the drones."""
     frames = snapshot.frames
     lost = frames["partition"] + frames["burst"] + frames["loss"]
     share = lost / max(1, lost + frames["delivered"])
@@ -123,12 +129,32 @@ def picture(title: str, snapshot: Snapshot, height: int) -> Group:
         ),
     ]
     foot = Text(_FOOTER, style="dim", no_wrap=True, overflow="ellipsis")
-    return Group(*head, Text(), *_table(snapshot, height - _HEAD_LINES - 1), foot)
+    left = size.height - _HEAD_LINES
+    lines = _map_lines(snapshot, left)
+    drawn = field.draw(snapshot, min(size.width - 1, _WIDEST), lines) if lines >= _LEAST_MAP_LINES else None
+    if drawn is None:
+        return Group(*head, Text(), *_table(snapshot, left - 1), foot)
+    return Group(*head, Text(), drawn, LEGEND, *_table(snapshot, left - 2 - lines), foot)
+
+
+def _map_lines(snapshot: Snapshot, left: int) -> int:
+    """How many of the lines ``left`` the map gets: what the table of all drones leaves, or else half."""
+    beside = left - 2 - _table_lines(snapshot)
+    return min(_MAP_LINES, beside if beside >= _GOOD_MAP_LINES else left // 2 - 2)
+
+
+def _columns(snapshot: Snapshot) -> int:
+    return 1 if len(snapshot.agents) <= _ONE_COLUMN else 2
+
+
+def _table_lines(snapshot: Snapshot) -> int:
+    """So many lines has the table of all drones."""
+    return 1 - (-len(snapshot.agents) // _columns(snapshot))
 
 
 def _table(snapshot: Snapshot, lines: int) -> list[Text]:
     """The drones in one or two columns, as many as fit under the heading."""
-    columns = 1 if len(snapshot.agents) <= _ONE_COLUMN else 2
+    columns = _columns(snapshot)
     needed = -(-len(snapshot.agents) // columns)
     shown = needed if needed <= lines - 1 else max(1, lines - 2)
     table = [Text("  ".join([_HEADING] * columns), style="dim", no_wrap=True)]

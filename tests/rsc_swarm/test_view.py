@@ -9,8 +9,9 @@ from rich.console import Console
 
 from protocols.mission.document import Mission
 from rsc_swarm.flight.in_process import fly
+from rsc_swarm.show.field_map import FieldMap
 from rsc_swarm.show.view import View, line, picture
-from world.outlets.snapshot import Snapshot
+from world.outlets.snapshot import AgentRow, Snapshot
 
 
 def snapshots(agents: int, **fields: object) -> list[Snapshot]:
@@ -27,7 +28,7 @@ def of_25() -> list[Snapshot]:
 def drawn(snapshot: Snapshot, height: int = 40) -> list[str]:
     screen = Console(file=io.StringIO(), width=80, height=height, force_terminal=True, color_system=None)
     with screen.capture() as capture:
-        screen.print(picture("simulate plain", snapshot, height))
+        screen.print(picture("simulate plain", snapshot, screen.size, FieldMap()))
     return capture.get().splitlines()
 
 
@@ -52,6 +53,62 @@ def test_any_swarm_fits_on_any_terminal(agents, height):
     shown = sum(text.count("m/s") for text in lines)
     assert shown == (1 if agents <= 20 else 2)
     assert any("more" in text for text in lines) == (agents == 100)
+
+
+def drone(agent: int, x_m: float, y_m: float, state: str = "flying") -> AgentRow:
+    return AgentRow(agent, state, agent, x_m, y_m, 3.0, 5.0, 0.0, 0, 0)
+
+
+def moment(*drones: AgentRow, **fields: object) -> Snapshot:
+    of_field = {
+        "discs": ((20.0, 0.0, 2.0),),
+        "goal_x_m": 35.0,
+        "depth_m": 5.0,
+        "obstacles": 1,
+        "obstacles_passed": 0,
+    }
+    counts = {"frames": {}, "swaps": {}, "deadline_misses": 0, "real_time_factor": 1.0}
+    return Snapshot(tick=0, time_s=0.0, agents=drones, **{**of_field, **counts, **fields})  # type: ignore[arg-type]
+
+
+def on_map(field: FieldMap, seen: Snapshot, columns: int = 60, lines: int = 12) -> list[str]:
+    drawn = field.draw(seen, columns, lines)
+    assert drawn is not None
+    return "".join(segment.text for segment in drawn.segments).splitlines()
+
+
+def test_the_map_shows_who_is_where():
+    left, right = drone(0, 0.0, 8.0), drone(1, 10.0, -8.0, "frozen")
+    lines = on_map(FieldMap(), moment(left, right, drone(2, 5.0, 0.0, "lost")))
+    assert len(lines) == 12
+    assert len({len(line) for line in lines}) == 1
+    places = {
+        sign: (row, line.index(sign)) for row, line in enumerate(lines) for sign in "●◌×" if sign in line
+    }
+    assert places["●"][0] < places["×"][0] < places["◌"][0], "y is up"
+    assert places["●"][1] < places["×"][1] < places["◌"][1], "x is to the right"
+    goal = lines[0].index("┊")
+    rock = [column for line in lines for column, sign in enumerate(line) if "\u2800" < sign <= "\u28ff"]
+    assert places["◌"][1] < min(rock) <= max(rock) < goal
+
+
+def test_the_map_keeps_its_scale_while_the_swarm_flies():
+    field = FieldMap()
+    first = on_map(field, moment(drone(0, 0.0, 0.0)))
+    later = on_map(field, moment(drone(0, 30.0, 0.0)))
+    assert [line.replace("●", " ") for line in first] == [line.replace("●", " ") for line in later]
+
+
+def test_of_a_long_field_the_map_shows_what_is_around_the_swarm():
+    field = FieldMap()
+    for x_m in (0.0, 5000.0, 90_000.0):
+        seen = moment(drone(0, x_m, 0.0), drone(1, x_m + 20, 0.0), goal_x_m=1e6)
+        assert "".join(on_map(field, seen)).count("●") == 2
+
+
+@pytest.mark.parametrize(("height", "there"), [(40, True), (24, True), (14, False)])
+def test_there_is_a_map_where_there_is_room_for_it(of_25, height, there):
+    assert any("map: " in line for line in drawn(of_25[-1], height)) is there
 
 
 def test_lost_and_frozen_drones_stand_out():

@@ -13,11 +13,15 @@ from world.medium.medium import TALLY
 
 @dataclass(frozen=True)
 class AgentRow:
-    """One drone in the live view. Speed in m/s, nearest distance in metres, edge error relative; heard: neighbours."""
+    """One drone in the live view. Place in the mission's frame and nearest distance in metres, speed in m/s, edge error relative;
+    heard: neighbours.
+    """
 
     agent: int
     state: str  # "flying", "frozen" or "lost"
     slot: int
+    x_m: float
+    y_m: float
     speed_mps: float
     nearest_m: float
     edge_error: float
@@ -27,7 +31,8 @@ class AgentRow:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One moment of one flight."""
+    """One moment of one flight. discs: obstacles, x, y and radius, m. goal_x_m: the goal line. depth_m: of the formation, front
+    to rear."""
 
     tick: int
     time_s: float
@@ -36,6 +41,9 @@ class Snapshot:
     agents: tuple[AgentRow, ...]
     obstacles_passed: int
     obstacles: int
+    discs: tuple[tuple[float, float, float], ...]
+    goal_x_m: float
+    depth_m: float
     frames: Mapping[str, int]
     swaps: Mapping[str, int]
 
@@ -49,6 +57,7 @@ def snapshot(
 ) -> Snapshot:
     """The state of one world and the drones' own accounts (by agent number) as a picture."""
     speeds = np.linalg.norm(core.velocity[world], axis=1)
+    places = core.position[world].tolist()
     rows = []
     for agent in range(core.shape[1]):
         flying, responsive = bool(core.flying[world, agent]), bool(core.responsive[world, agent])
@@ -58,6 +67,8 @@ def snapshot(
                 agent=agent,
                 state="lost" if not flying else "flying" if responsive else "frozen",
                 slot=int(core.claim[world, agent]),
+                x_m=places[agent][0],
+                y_m=places[agent][1],
                 speed_mps=float(speeds[agent]),
                 nearest_m=float(core.nearest[world, agent]),
                 edge_error=float(core.edge_error[world, agent]),
@@ -77,6 +88,9 @@ def snapshot(
         agents=tuple(rows),
         obstacles_passed=int(np.sum(discs[:, 0] + discs[:, 2] < rearmost)),
         obstacles=count,
+        discs=tuple((x, y, radius) for x, y, radius in discs.tolist()),
+        goal_x_m=float(core.goal_x[world]),
+        depth_m=float(np.ptp(core.layout.offsets[:, 0])),
         frames=dict(zip(TALLY, (int(number) for number in core.tally[world]), strict=True)),
         swaps={
             name: sum(status.swaps[index] for status in statuses.values())

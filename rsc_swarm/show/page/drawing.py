@@ -78,7 +78,7 @@ class Drawing:
     height: float
     drones: tuple[Drone, ...]
     discs: tuple[Disc, ...]
-    goal: float
+    goal: float | None
     moments: tuple[Moment, ...]
     final: Moment
     marks: tuple[Mark, ...]
@@ -93,12 +93,8 @@ class _Paper:
     """From metres to pixels."""
 
     def __init__(self, recorded: Recorded) -> None:
-        path = recorded.path
-        corners = [path.positions.reshape(-1, 2), np.array([[path.goal_x, path.positions[0, 0, 1]]])]
-        for x, y, radius in path.obstacles:
-            corners.append(np.array([[x - radius, y - radius], [x + radius, y + radius]]))
-        everything = np.concatenate(corners)
-        self.low, self.high = everything.min(axis=0) - _MARGIN_M, everything.max(axis=0) + _MARGIN_M
+        low, high = recorded.frame
+        self.low, self.high = low - _MARGIN_M, high + _MARGIN_M
         across = float(self.high[0] - self.low[0])
         self.scale = min(max((_WIDTH - _LEFT) / across, _LEAST_PX_PER_M), _MOST_PX_PER_M)
         self.scale = min(self.scale, max(_MOST_WIDTH / across, (_WIDTH - _LEFT) / across))
@@ -129,7 +125,7 @@ def drawing(recorded: Recorded) -> Drawing:
                  paper.at(free_place(path.obstacles, number)))
             for number, (x, y, radius) in enumerate(path.obstacles.tolist())
         ),
-        paper.x(path.goal_x),
+        paper.x(path.goal_x) if recorded.goal_in_sight else None,
         tuple(_moment(recorded, paper, hues, tick) for tick in _between(recorded, end)),
         _moment(recorded, paper, hues, end), _marks(recorded, paper),
         tuple((f"{value:g}", paper.x(value)) for value in ticks(paper.low[0], paper.high[0], int(paper.width / 90))),

@@ -112,7 +112,7 @@ class _Scene:
 
     def __init__(self, track: Recorded) -> None:
         self._track, self._events, path = track, track.events, track.path
-        low, high = bounds(path)
+        low, high = bounds(track)
         tall = (_WIDTH - 0.9) * float((high[1] - low[1]) / (high[0] - low[0])) + 1.2
         self._figure = new_figure(_WIDTH, round(min(max(tall, 2.4), _TALLEST) * _DOTS / 2) * 2 / _DOTS)
         from matplotlib.backends.backend_agg import FigureCanvasAgg

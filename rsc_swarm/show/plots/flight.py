@@ -29,7 +29,7 @@ def draw(tracks: Sequence[Recorded], out: Path) -> None:
     Raises:
         PlotError: matplotlib is missing, or cannot write this file.
     """
-    frames = [bounds(track.path) for track in tracks]
+    frames = [bounds(track) for track in tracks]
     left, right = min(low[0] for low, _ in frames), max(high[0] for _, high in frames)
     heights = [float(high[1] - low[1]) for low, high in frames]
     across = _WIDTH / (right - left)
@@ -54,13 +54,9 @@ def _draw_flight(axes: Any, track: Recorded) -> None:
     _draw_legend(axes, track)
 
 
-def bounds(path: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower left and upper right corner of what must be seen."""
-    points = [path.positions.reshape(-1, 2)]
-    for disc in path.obstacles:
-        points += [disc[None, :2] - disc[2], disc[None, :2] + disc[2]]
-    everything = np.concatenate(points)
-    low, high = everything.min(axis=0), everything.max(axis=0)
+def bounds(track: Recorded) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower left and upper right corner of the picture, m."""
+    low, high = track.frame
     margin = np.maximum(2.5, (_SMALLEST_M - (high - low)) / 2)
     return low - margin, high + margin
 
@@ -83,7 +79,8 @@ def draw_field(axes: Any, track: Recorded) -> None:
         )
         axes.add_patch(Circle((x, y), radius, facecolor=ROCK, edgecolor="none", zorder=2))
         number(axes, index, free_place(track.path.obstacles, index), colour="white", centred=True)
-    axes.axvline(track.path.goal_x, color=INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
+    if track.goal_in_sight:
+        axes.axvline(track.path.goal_x, color=INK, lw=1.2, ls=(0, (6, 4)), zorder=1)
 
 
 def free_place(discs: NDArray[np.float64], index: int) -> NDArray[np.float64]:
@@ -126,10 +123,13 @@ def _write_time(axes: Any, path: Trajectory, tick: int) -> None:
     """Above the swarm as it was at ``tick``."""
     flying = path.positions[tick, path.flying[tick]]
     if len(flying):
+        middle = float(flying[:, 0].mean())
+        at_goal = abs(middle - path.goal_x) < _APART_M  # beside the line then, not on it
         axes.annotate(
             f"{tick * path.tick_s:.{2 if 0 < tick * path.tick_s < 0.1 else 1}f} s",
-            (float(flying[:, 0].mean()), 1.0), (0, -4), xycoords=("data", "axes fraction"),
-            textcoords="offset points", ha="center", va="top", color=ROCK, fontsize=10, path_effects=halo("white", 4),
+            (middle, 1.0), (-6 if at_goal else 0, -4), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="right" if at_goal else "center", va="top", color=ROCK, fontsize=10,
+            path_effects=halo("white", 4),
         )  # fmt: skip
 
 
@@ -175,7 +175,8 @@ def _draw_legend(axes: Any, track: Recorded) -> None:
     ]
     if len(track.path.obstacles):
         handles.append(key("obstacle", marker="o", ms=8, color=ROCK, lw=0))
-    handles.append(key("goal", color=INK, lw=1.2, ls=(0, (4, 3))))
+    if track.goal_in_sight:
+        handles.append(key("goal", color=INK, lw=1.2, ls=(0, (4, 3))))
     axes.legend(
         handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), frameon=False,
         fontsize=9, labelcolor=ROCK, handletextpad=0.5, columnspacing=1.4, borderaxespad=0.3,
