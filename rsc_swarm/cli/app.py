@@ -49,21 +49,21 @@ class Clock(StrEnum):
     realtime = "realtime"
 
 
-_WATCHING = "Watching in a browser"
+WATCHING = "Watching in a browser"
 OpenBrowser = Annotated[
     bool,
-    typer.Option("--open", help="Serve the page, and open it in a browser.", rich_help_panel=_WATCHING),
+    typer.Option("--open", help="Serve the page, and open it in a browser.", rich_help_panel=WATCHING),
 ]
 ViewPort = Annotated[
     int | None,
     typer.Option(
         metavar="PORT", min=0, max=65535, help="Its port; 0: any. (8750, or any if that is taken)",
-        rich_help_panel=_WATCHING,
+        rich_help_panel=WATCHING,
     ),
 ]  # fmt: skip
 ViewHost = Annotated[
     str,
-    typer.Option(metavar="ADDRESS", help="Its address; 0.0.0.0: for everybody.", rich_help_panel=_WATCHING),
+    typer.Option(metavar="ADDRESS", help="Its address; 0.0.0.0: for everybody.", rich_help_panel=WATCHING),
 ]
 
 
@@ -89,7 +89,7 @@ class FlightOptions:
     view: Annotated[
         bool,
         typer.Option(
-            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=_WATCHING
+            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=WATCHING
         ),
     ] = False
     open: OpenBrowser = False

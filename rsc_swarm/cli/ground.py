@@ -1,12 +1,13 @@
 """``rsc-swarm ground``: the operator of a fleet on the air."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app, examples
+from rsc_swarm.cli.app import WATCHING, OpenBrowser, ViewHost, ViewPort, announce_compiling, app, examples
 from rsc_swarm.cli.fly_alone import FleetFile
 
 if TYPE_CHECKING:
@@ -38,6 +39,15 @@ def ground(
     check: Annotated[
         bool, typer.Option("--check", help="Only say whether the fleet can be flown, and draw its plan.")
     ] = False,
+    view: Annotated[
+        bool,
+        typer.Option(
+            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=WATCHING
+        ),
+    ] = False,
+    open: OpenBrowser = False,
+    view_port: ViewPort = None,
+    view_host: ViewHost = "127.0.0.1",
     out: Annotated[
         Path, typer.Option(metavar="FILE", help="With --check: picture to write, .png, .svg or .pdf.")
     ] = Path("plan.png"),
@@ -60,12 +70,23 @@ def ground(
     announce_compiling()
     from rsc_swarm.air.tower import watch
     from rsc_swarm.show.fleet_view import FleetView
+    from rsc_swarm.watch.site import Asked, served
 
-    with FleetView(
-        f"{fleet}: {plan.mission.agents} drones, mission {plan.mission.name}", keys=steps is None
-    ) as view:
-        script = Script(steps, view.say) if steps else None
-        _, outcome, asked = watch(plan, keys_of(fleet, plan), view.attend, script, run_dir)
+    page = served(Asked(view_host, view_port, open), hands=False) if view or open else nullcontext()
+    with (
+        page as site,
+        FleetView(
+            f"{fleet}: {plan.mission.agents} drones, mission {plan.mission.name}", keys=steps is None
+        ) as table,
+    ):
+        script = Script(steps, table.say) if steps else None
+        attend = table.attend
+        if site:
+            from rsc_swarm.watch.aloft import Aloft
+
+            attend = Aloft(site.window, attend)
+            table.say(f"watch it at {site.address}")
+        _, outcome, asked = watch(plan, keys_of(fleet, plan), attend, script, run_dir)
     if outcome:
         typer.echo(_told(plan, outcome))
     if asked:

@@ -16,8 +16,9 @@ from protocols.mission.document import Mission, parse_mission, read_mission_fiel
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.flight.simulate import Simulation
 from world.outlets.judged import findings_of
-from world.outlets.picture import COLUMNS, FLYING, LOST, Picture, picture, scene_of
+from world.outlets.picture import COLUMNS, FARTHEST_M, FLYING, LOST, Picture, picture, scene_of
 from world.outlets.trajectory import Trajectory
+from world.referee import Findings
 
 _EVERY = 4  # ticks from picture to picture
 
@@ -91,16 +92,15 @@ def recorded_pictures(path: Trajectory, mission: Mission) -> list[bytes]:
     """A recorded flight as far as its paths tell."""
     findings = findings_of(path, mission)
     rows = sorted({*range(0, len(path.positions), _EVERY), len(path.positions) - 1})
-    pictures = []
-    for row in rows:
-        drones = np.zeros((mission.agents, len(COLUMNS)), np.float32)
-        drones[:, 0:2], drones[:, 2:4], drones[:, 4] = (
-            path.positions[row],
-            path.velocities[row],
-            path.slots[row],
-        )
-        drones[:, 5] = np.where(path.flying[row], FLYING, LOST)
-        drones[:, 6], drones[:, 7] = np.minimum(findings.nearest[row], 1e6), findings.edge_error[row]
-        nothing = np.empty((0, 3), np.int16)
-        pictures.append(Picture(row, 0.0, drones, nothing, nothing, {}, {}).packed())
-    return pictures
+    return [recorded_picture(path, findings, row).packed() for row in rows]
+
+
+def recorded_picture(path: Trajectory, findings: Findings, row: int) -> Picture:
+    """One row of a recording; ``findings``: the referee's, on all rows."""
+    drones = np.zeros((path.positions.shape[1], len(COLUMNS)), np.float32)
+    drones[:, 0:2], drones[:, 2:4], drones[:, 4] = path.positions[row], path.velocities[row], path.slots[row]
+    drones[:, 5] = np.where(path.flying[row], FLYING, LOST)
+    drones[:, 6] = np.minimum(findings.nearest[row], FARTHEST_M)
+    drones[:, 7] = findings.edge_error[row]
+    nothing = np.empty((0, 3), np.int16)
+    return Picture(row, 0.0, drones, nothing, nothing, {}, {})

@@ -19,7 +19,7 @@ from world.director import Director
 from world.outlets.picture import picture, scene
 
 PICTURE, WORD = b"P", b"J"
-_EVERY_S = 0.04  # between two pictures
+EVERY_S = 0.04  # between two pictures
 _EVERY_TICKS = 10  # and no more of the flight than this, where it is fast
 _LONGEST_WAIT_S = 0.05
 _LONGEST_HAND = 1 << 16
@@ -48,12 +48,18 @@ class Window:
             self._tell_pace()
         elif not over:
             self._take_hands(director, now)
-        due = now - self._shown >= _EVERY_S or tick - self._shown_tick >= _EVERY_TICKS
+        due = now - self._shown >= EVERY_S or tick - self._shown_tick >= _EVERY_TICKS
         if (due or over) and tick != self._shown_tick:
             self._shown, self._shown_tick = now, tick
             factor = tick * TICK_S / max(now - self._began, 1e-9)
-            self._send(PICTURE + picture(core, director.statuses, factor).packed())
+            self.show(picture(core, director.statuses, factor).packed())
         return 0.0 if over else self._wait_s(tick, now)
+
+    def show(self, packed: bytes) -> None:
+        """Show a picture, if there is room: else newer ones will come."""
+        if self._say_all():
+            with suppress(OSError):  # or nobody serves the page any more
+                self._end.send(PICTURE + packed)
 
     def say(self, word: dict[str, Any]) -> None:
         """Tell all pages a JSON object; as soon as there is room."""
@@ -128,9 +134,3 @@ class Window:
                 pass  # longer than the socket is wide, or nobody is there
             self._unsaid.popleft()
         return True
-
-    def _send(self, picture: bytes) -> None:
-        # No room: newer pictures will come. Broken: nobody serves the page any more.
-        if self._say_all():
-            with suppress(OSError):
-                self._end.send(picture)

@@ -38,7 +38,7 @@ COLUMNS = (
     "group",
 )
 LOST, FROZEN, FLYING = range(3)  #: states
-_FARTHEST_M = 1e6  # in place of infinity
+FARTHEST_M = 1e6  #: in place of infinity
 _MOST_BELIEFS = 10_000  # of a swarm that is at odds; more would say no more
 _RECENT_TICKS = 20
 
@@ -137,7 +137,7 @@ def picture(
     drones[:, 0:2], drones[:, 2:4] = core.position[world], core.velocity[world]
     drones[:, 4] = core.claim[world]
     drones[:, 5] = np.where(flying, np.where(core.responsive[world], FLYING, FROZEN), LOST)
-    drones[:, 6] = np.minimum(core.nearest[world], _FARTHEST_M)
+    drones[:, 6] = np.minimum(core.nearest[world], FARTHEST_M)
     drones[:, 7] = core.edge_error[world]
     drones[:, 8:10] = 0.0
     for agent, status in statuses.items():

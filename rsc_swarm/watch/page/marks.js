@@ -52,7 +52,7 @@ export class Marks {
   }
 
   changed(time, drone, was, state) {
-    if (state === LOST) this.add(time, "losses", "kill", [drone], `drone ${drone} is lost`);
+    if (state === LOST) this.add(time, "losses", "kill", [drone], `drone ${drone} is out of the air`);
     else if (state === FROZEN) this.add(time, "losses", "freeze", [drone], `drone ${drone} hangs`);
     else this.add(time, "losses", "restart", [drone], `drone ${drone} is back${was === LOST ? " from the dead" : ""}`);
   }

@@ -111,7 +111,7 @@ function pass(seconds) {
 function status(moment) {
   const { report, over } = recording;
   $("time").textContent = (moment?.time ?? 0).toFixed(2);
-  $("factor").textContent = moment && !over ? `${moment.factor.toFixed(1)} × real time` : "";
+  $("factor").textContent = moment?.factor && !over ? `${moment.factor.toFixed(1)} × real time` : "";
   const looking = !play.live || over;
   const [text, kind] = report && play.time >= recording.end - 0.01 ? (report.success ? ["success", "live"] : [report.failure ?? "failed", "failed"])
     : hands.pace?.paused && !over ? ["flight paused", "paused"] : over && !report && !recording.replay ? ["the flight is over", ""] : looking ? (play.on ? [recording.replay ? "replay" : "looking back", ""] : ["paused", "paused"]) : ["live", "live"];

@@ -15,7 +15,7 @@ from protocols.mission.document import Mission
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.simulate import Simulation, simulate
 from rsc_swarm.watch.recording import Recording
-from rsc_swarm.watch.window import PICTURE, Window
+from rsc_swarm.watch.window import Window
 from world.outlets.picture import COLUMNS, FLYING, FROZEN, LOST, picture, scene, unpacked
 
 pytest.importorskip("starlette", reason="the page needs the extra 'view'")
@@ -139,13 +139,13 @@ def test_a_page_that_never_reads_keeps_nobody_waiting(site):
         assert json.loads(page.recv(20)) == {"kind": "hello"}
         spent = time.process_time()
         for packed in big * 5:
-            site.window._send(PICTURE + packed)
+            site.window.show(packed)
         assert (
             time.process_time() - spent < 2.0
         )  # 100 MB: nothing waits, what there is no room for is left out
         seen, deadline = b"", time.monotonic() + 30
         while b'"tick":1000,' not in seen and time.monotonic() < deadline:
-            site.window._send(PICTURE + big[-1])
+            site.window.show(big[-1])
             with suppress(TimeoutError):
                 seen = page.recv(0.2)
         assert b'"tick":1000,' in seen
