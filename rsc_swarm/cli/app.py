@@ -68,7 +68,22 @@ ViewHost = Annotated[
 
 
 @dataclass(frozen=True)
-class FlightOptions:
+class ViewOptions:
+    """Options of every command whose flight can be watched in a browser."""
+
+    view: Annotated[
+        bool,
+        typer.Option(
+            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=WATCHING
+        ),
+    ] = False
+    open: OpenBrowser = False
+    view_port: ViewPort = None
+    view_host: ViewHost = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class FlightOptions(ViewOptions):
     """Options of every command that flies once: how fast, and where the flight is kept."""
 
     clock: Annotated[
@@ -86,15 +101,6 @@ class FlightOptions:
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Use a --run-dir again that holds an earlier flight.")
     ] = False
-    view: Annotated[
-        bool,
-        typer.Option(
-            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=WATCHING
-        ),
-    ] = False
-    open: OpenBrowser = False
-    view_port: ViewPort = None
-    view_host: ViewHost = "127.0.0.1"
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import WATCHING, OpenBrowser, ViewHost, ViewPort, announce_compiling, app, examples
+from rsc_swarm.cli.app import ViewOptions, announce_compiling, app, examples, with_options
 from rsc_swarm.cli.fly_alone import FleetFile
 
 if TYPE_CHECKING:
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
         "ground --fleet six.yaml --check",
     )
 )
+@with_options
 def ground(
     fleet: FleetFile,
+    page: ViewOptions,
     do: Annotated[
         str | None,
         typer.Option(
@@ -39,15 +41,6 @@ def ground(
     check: Annotated[
         bool, typer.Option("--check", help="Only say whether the fleet can be flown, and draw its plan.")
     ] = False,
-    view: Annotated[
-        bool,
-        typer.Option(
-            "--view", help="Serve a live page of the flight; prints its address.", rich_help_panel=WATCHING
-        ),
-    ] = False,
-    open: OpenBrowser = False,
-    view_port: ViewPort = None,
-    view_host: ViewHost = "127.0.0.1",
     out: Annotated[
         Path, typer.Option(metavar="FILE", help="With --check: picture to write, .png, .svg or .pdf.")
     ] = Path("plan.png"),
@@ -72,9 +65,10 @@ def ground(
     from rsc_swarm.show.fleet_view import FleetView
     from rsc_swarm.watch.site import Asked, served
 
-    page = served(Asked(view_host, view_port, open), hands=False) if view or open else nullcontext()
+    asked_for = Asked(page.view_host, page.view_port, page.open)
+    serving = served(asked_for, hands=False) if page.view or page.open else nullcontext()
     with (
-        page as site,
+        serving as site,
         FleetView(
             f"{fleet}: {plan.mission.agents} drones, mission {plan.mission.name}", keys=steps is None
         ) as table,
