@@ -30,6 +30,7 @@ from agent.tick_arrays import TickArrays, empty_views, empty_work
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.slots.seals import Stamps
+from protocols.slots.written import pack_slots
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -170,5 +171,5 @@ class AgentCore:
         fresh = tick - self._memory.heard_tick[row] <= self._rules.radio.memory_ticks
         counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
         return AgentStatus(
-            int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), bytes(party.slot_of)
+            int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), pack_slots(party.slot_of)
         )

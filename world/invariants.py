@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
+from protocols.slots.written import unpack_slots
 from protocols.wire.messages import MAX_HEARD
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -127,7 +128,7 @@ class Invariants:
 
     def _impossible(self, tick: int, agent: int, status: AgentStatus) -> tuple[str, str] | None:
         """What is wrong with this account by itself: the rule it breaks, and how."""
-        view = list(status.view)
+        view = list(unpack_slots(status.view, len(self._everyone)))
         if sorted(view) != self._everyone:
             return "permutation", f"believes {view}"
         if view[agent] != status.slot:

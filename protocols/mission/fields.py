@@ -28,7 +28,9 @@ from protocols.mission.values import (
     Section,
     Span,
 )
-from protocols.wire.keys import MAX_AGENTS, checked_swarm
+from protocols.wire.keys import checked_swarm
+
+MAX_SWARM = 1024  # drones that one process flies; as processes of their own: protocols.wire.keys.MAX_AGENTS
 
 
 class FormationSpec(Section):
@@ -181,7 +183,7 @@ class MissionFields(Section):
 
     name: Annotated[Line, Field(max_length=200)] = "plain"
     swarm: Annotated[str, Strict(), AfterValidator(checked_swarm)] = "rsc"
-    agents: Annotated[Count, Field(ge=1, le=MAX_AGENTS)] = 25
+    agents: Annotated[Count, Field(ge=1, le=MAX_SWARM)] = 25
     policy: Line = "rsc-h20"
     aim: Literal["slot", "chain"] = Field(
         "slot",

@@ -21,6 +21,7 @@ from protocols.slots.history import is_permutation
 from protocols.slots.notes import Assignment, SlotNote
 from protocols.slots.seals import Seals
 from protocols.slots.settings import SwapCounts, SwapRules
+from protocols.slots.written import pack_slots
 
 
 class VersionedParty:
@@ -139,5 +140,5 @@ class VersionedParty:
         self._repeat_left = self._rules.repair_frames
 
     def _hash(self) -> int:
-        text = struct.pack("<2q", self._version, self._initiator) + bytes(self.slot_of)
+        text = struct.pack("<2q", self._version, self._initiator) + pack_slots(self.slot_of)
         return int.from_bytes(blake2b(text, digest_size=8).digest(), "little")

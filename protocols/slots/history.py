@@ -24,10 +24,11 @@ from __future__ import annotations
 import struct
 from bisect import bisect_left
 from collections.abc import Sequence
+from functools import lru_cache
 from hashlib import blake2b
 from typing import NamedTuple
 
-from protocols.wire.keys import MAX_AGENTS
+from protocols.slots.written import pack_slots
 
 MAX_TAKEN = 16
 """Slots of the dead that one agent may take in a flight."""
@@ -85,9 +86,9 @@ class SlotBook:
     _agreed_clock: int  # the largest counter two have agreed to
 
     def __init__(self, initial: Sequence[int]) -> None:
-        if not 0 < len(initial) <= MAX_AGENTS or not is_permutation(initial):
-            raise ValueError(f"not an assignment of at most {MAX_AGENTS} agents to as many slots: {initial}")
-        self.digest = int.from_bytes(blake2b(bytes(initial), digest_size=8).digest(), "little")
+        if not initial or not is_permutation(initial):
+            raise ValueError(f"not an assignment of agents to as many slots: {initial}")
+        self.digest = int.from_bytes(blake2b(pack_slots(initial), digest_size=8).digest(), "little")
         self._initial, self.settled, self._agreed_clock = tuple(initial), 0, 0
         self._replay(())
 
@@ -164,19 +165,19 @@ class SlotBook:
     def _append(self, op: Swap) -> None:
         """The common case: the swap comes after all known ones, so the fold goes on from where it stands."""
         self.ops = (*self.ops, op)
-        occupant = list(self.occupant)
-        if _apply(occupant, op):
-            self.occupant, self.slot_of = tuple(occupant), _inverse(occupant)
+        occupant, slot_of = list(self.occupant), list(self.slot_of)
+        if _apply(occupant, slot_of, op):
+            self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
         else:
             self.skipped = self.skipped | {op}
 
     def _replay(self, ops: tuple[Swap, ...]) -> None:
         """Fold these from the start."""
         void = _void(ops)
-        occupant = list(_inverse(self._initial))
+        occupant, slot_of = list(_inverse(self._initial)), list(self._initial)
         self.ops = ops
-        self.skipped = frozenset(op for op in ops if op in void or not _apply(occupant, op))
-        self.occupant, self.slot_of = tuple(occupant), _inverse(occupant)
+        self.skipped = frozenset(op for op in ops if op in void or not _apply(occupant, slot_of, op))
+        self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
 
 
 def _void(ops: Sequence[Swap]) -> frozenset[Swap]:
@@ -191,15 +192,17 @@ def _void(ops: Sequence[Swap]) -> frozenset[Swap]:
     return frozenset(void)
 
 
-def _apply(occupant: list[int], op: Swap) -> bool:
-    """Fold one swap into `occupant` in place; False if it is skipped."""
+def _apply(occupant: list[int], slot_of: list[int], op: Swap) -> bool:
+    """Fold one swap into both in place; False if it is skipped."""
     if occupant[op.slot_a] != op.agent_a or occupant[op.slot_b] != op.agent_b:
         return False
     occupant[op.slot_a], occupant[op.slot_b] = op.agent_b, op.agent_a
+    slot_of[op.agent_a], slot_of[op.agent_b] = op.slot_b, op.slot_a
     return True
 
 
-def _inverse(permutation: Sequence[int]) -> tuple[int, ...]:
+@lru_cache(maxsize=64)  # where all swarms in this process begin
+def _inverse(permutation: tuple[int, ...]) -> tuple[int, ...]:
     inverse = [0] * len(permutation)
     for index, value in enumerate(permutation):
         inverse[value] = index

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from protocols.slots.history import Swap, is_permutation
 from protocols.slots.seals import SEAL_BYTES, Sealed
+from protocols.slots.written import pack_slots, unpack_slots
 
 MAX_OPS = 16
 """Swaps in one note, at most."""
@@ -97,7 +98,7 @@ def encode(note: SlotNote) -> tuple[Any, ...]:
     if note[2:] == QUIET:
         return (note.digest, int(note.settled))
     whole = note.whole
-    packed = None if whole is None else (bytes(whole.slot_of), *whole[1:])
+    packed = None if whole is None else (pack_slots(whole.slot_of), *whole[1:])
     ops = [
         (*op[:-1], seals) for op, seals in note.ops
     ]  # the number of its seals says whether the slot was taken
@@ -139,10 +140,11 @@ def decode(obj: object, n_agents: int) -> SlotNote:
         return Sealed(op, sealed)
 
     def read_whole(item: object) -> Assignment:
-        slot_of, *rest = _list(item)
-        if type(slot_of) is not bytes or len(slot_of) != n_agents or not is_permutation(slot_of):
-            raise ValueError("an assignment is a permutation of all slots, one byte each")
-        return Assignment(tuple(slot_of), *_ints(rest, (_COUNTER_END, n_agents)))
+        packed, *rest = _list(item)
+        slot_of = unpack_slots(packed, n_agents)
+        if not is_permutation(slot_of):
+            raise ValueError("an assignment is a permutation of all slots")
+        return Assignment(slot_of, *_ints(rest, (_COUNTER_END, n_agents)))
 
     return SlotNote(
         digest,

@@ -9,7 +9,7 @@ import re
 
 from protocols.errors import BrokenError
 
-MAX_AGENTS = 250  # agent numbers travel as one byte
+MAX_AGENTS = 250  # of processes that talk; more would need longer frames and messages
 _SWARM_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 

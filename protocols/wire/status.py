@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+from protocols.slots.written import unpack_slots
 from protocols.wire.frames import REASONS
 
 STATUS_EVERY = 50  # ticks between two accounts of one drone when nothing changes
@@ -23,7 +24,7 @@ class AgentStatus(NamedTuple):
     """One drone's account of itself since its boot.
 
     heard: neighbours whose frames are fresh. rejected: frames dropped on receipt, per `REASONS`. swaps: per `SWAP_COUNTS`.
-    digest: of its swap set; view: its slot_of, one byte per agent.
+    digest: of its swap set; view: its slot_of (protocols.slots.written).
     """
 
     slot: int
@@ -56,6 +57,5 @@ def parse_status(fields: Any, agents: int) -> AgentStatus:
         raise ValueError("a status counts in whole numbers")
     if len(status.rejected) != len(REASONS) or len(status.swaps) != len(SWAP_COUNTS):
         raise ValueError("a status of another version")
-    if not isinstance(status.view, bytes) or len(status.view) != agents:
-        raise ValueError("a view has one byte per agent")
+    unpack_slots(status.view, agents)
     return status

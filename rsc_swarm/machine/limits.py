@@ -5,6 +5,7 @@ import resource
 from pathlib import Path
 
 from protocols.errors import BrokenError
+from protocols.wire.keys import MAX_AGENTS
 
 # Of the world, which needs most: it was seen to have 27 files open with 4 drones, 63 with 40, and 1.4 GiB of addresses.
 _FILES, _FILES_PER_DRONE = 48, 2
@@ -21,6 +22,10 @@ def make_room(drones: int) -> None:
     Raises:
         MachineError: it may not have them, or too little memory, which would show as something else, and late.
     """
+    if drones > MAX_AGENTS:
+        raise MachineError(
+            f"{drones} drones are too many for a process each: fly at most {MAX_AGENTS}, or use simulate or evaluate"
+        )
     needed = _FILES + _FILES_PER_DRONE * drones
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft != resource.RLIM_INFINITY and soft < needed:

@@ -76,7 +76,7 @@ def test_an_unknown_field_is_named_with_those_that_are_known() -> None:
 
 def test_numbers_out_of_their_range_are_named() -> None:
     assert refusal({"agents": 0}).startswith("agents: input should be greater than or equal to 1, not 0")
-    assert refusal({"agents": 251}).startswith("agents: input should be less than or equal to 250")
+    assert refusal({"agents": 1025}).startswith("agents: input should be less than or equal to 1024")
     assert refusal({"radio": {"loss": 1.5}}).startswith("radio.loss: ")
     assert refusal({"target": {"speed_mps": float("nan")}}).startswith("target.speed_mps: ")
     assert refusal({"obstacles": {"count": [6, 3]}}).startswith("obstacles: count: [6, 3] is upside down")

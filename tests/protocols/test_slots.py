@@ -7,6 +7,7 @@ import random
 import pytest
 
 from protocols.slots.history import MAX_LEAP, MAX_TAKEN, SlotBook, Swap, hash_swap
+from protocols.slots.written import pack_slots, unpack_slots
 
 
 def swap(counter: int, a: int, b: int, slot_a: int, slot_b: int, nonce: int = 1) -> Swap:
@@ -104,8 +105,8 @@ def test_a_swap_of_what_does_not_exist_is_an_error_and_changes_nothing(wrong: Sw
     assert vars(book) == before
 
 
-@pytest.mark.parametrize("wrong", [[], [0, 0], [1, 2], range(256)])
-def test_the_start_is_a_permutation_that_fits_a_byte(wrong: list[int]) -> None:
+@pytest.mark.parametrize("wrong", [[], [0, 0], [1, 2]])
+def test_the_start_is_a_permutation(wrong: list[int]) -> None:
     with pytest.raises(ValueError, match="assignment"):
         SlotBook(wrong)
 
@@ -188,3 +189,14 @@ def test_a_copy_goes_its_own_way() -> None:
     twin = book.copy()
     twin.add(FAR)
     assert (book.count, twin.count) == (1, 2)
+
+
+@pytest.mark.parametrize("agents", [1, 255, 256, 257, 1024])
+def test_an_assignment_of_any_size_comes_back_from_its_bytes(agents: int) -> None:
+    slot_of = tuple(reversed(range(agents)))
+    data = pack_slots(slot_of)
+    assert unpack_slots(data, agents) == slot_of
+    assert len(data) == (agents if agents <= 256 else 2 * agents)
+    for wrong in (data[:-1], data + b"\0", b"", list(data), None):
+        with pytest.raises(ValueError, match=f"an assignment of {agents} slots has {len(data)} bytes"):
+            unpack_slots(wrong, agents)

@@ -161,3 +161,10 @@ def test_a_flight_is_drawn(tmp_path):
     flight = rs.simulate(rs.mission(**SHORT))
     rs.draw([flight, flight], tmp_path / "two.svg")
     assert (tmp_path / "two.svg").stat().st_size > 1000
+
+
+def test_a_swarm_of_more_drones_than_a_byte_can_name_swaps_and_agrees():
+    mission = rs.mission(agents=300, policy="analytic", fly_s=0.15, obstacles={"discs": []})
+    report = rs.simulate(mission).report
+    assert (report.agents, report.watch.breach) == (300, None)
+    assert report.swaps.committed > 0

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from rsc_swarm.flight.key_files import make_login_files
+from rsc_swarm.machine.limits import MachineError, make_room
 from rsc_swarm.machine.service import Service
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -329,3 +330,10 @@ def test_a_drone_that_looks_for_a_world_tells_its_service_manager_and_leaves_whe
         _, err = process.communicate(timeout=60)
     assert said == [b"READY=1\nSTATUS=looking for the world at tcp/127.0.0.1:1", *[b"WATCHDOG=1"] * 3]
     assert (process.returncode, err.splitlines()[-1]) == (130, "agent 0: asked to leave")
+
+
+def test_more_drones_than_processes_can_talk_are_refused_before_anything_starts() -> None:
+    with pytest.raises(
+        MachineError, match=r"251 drones are too many for a process each: fly at most 250, or use simulate"
+    ):
+        make_room(251)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
+from protocols.slots.written import unpack_slots
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from world.core import WorldCore
 from world.medium.medium import TALLY
@@ -164,9 +165,7 @@ def _beliefs(
     who = np.array([agent for agent in statuses if flying[agent]], np.int16)
     if not len(who):
         return np.empty((0, 3), np.int16)
-    views = np.frombuffer(b"".join(statuses[agent].view for agent in who.tolist()), np.uint8).reshape(
-        len(who), -1
-    )
+    views = np.array([unpack_slots(statuses[agent].view, len(claim)) for agent in who.tolist()], np.int16)
     row, about = np.nonzero((views != claim) & flying)
     return np.stack([who[row], about, views[row, about]], axis=1)[:_MOST_BELIEFS].astype(np.int16)
 
