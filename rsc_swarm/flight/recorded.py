@@ -46,7 +46,12 @@ class Recorded:
             report = FlightReport.model_validate_json(folder.report.read_bytes())
         except (OSError, ValidationError):
             told = (ended.failure or "in formation beyond the goal line").replace("-", " ")
-            return cls(mission, path, End(ended.failure, f"{told} after {path.times[-1]:.2f} s"), ended.tau_s)
+            return cls(
+                mission,
+                path,
+                End(ended.failure, f"{told} after {ended.tau_s or path.times[-1]:.2f} s"),
+                ended.tau_s,
+            )
         return cls(mission, path, end_told(report), report.tau_s, report)
 
     @property
