@@ -64,6 +64,7 @@ def test_a_tick_in_one_call_is_answered_as_any_other_is(policy: str) -> None:
         assert one.drone.tick == other.drone.tick == tick.tick
         at_once += one.drone._tick == before
     assert one.drone.rejected == other.drone.rejected
+    assert one.world.commands.on_time[0] == other.world.commands.on_time[0]
     assert one.drone.rejected["malformed"] == 4
     assert at_once > TICKS / 2 if policy in ("analytic", "rsc-h20") else at_once == 0
 

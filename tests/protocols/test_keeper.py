@@ -103,6 +103,19 @@ def test_setpoints_reach_it_50_times_a_second() -> None:
     assert len(flight.setpoints) == 100
 
 
+def test_an_order_that_was_overtaken_on_its_way_is_dropped() -> None:
+    flight = Flight()
+    flight.climb()
+    flight.fly(1.0)
+    overtaken = flight.order
+    assert overtaken is not None
+    flight.say(Kind.HOLD)
+    flight.wait(0.1)
+    flight.keeper.hear(overtaken, flight.now)
+    flight.keeper.act(flight.seen(), flight.now)
+    assert flight.keeper.mode is Mode.HOLD
+
+
 def test_one_that_hangs_is_a_hold_after_150_ms_and_a_landing_after_1_s() -> None:
     flight = Flight()
     flight.climb()

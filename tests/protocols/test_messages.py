@@ -183,6 +183,17 @@ def test_pieces_that_come_out_of_order_or_not_at_all_make_no_message_that_was_ne
     assert sorted(message for message in got if message is not None) == [said[number] for number in whole]
 
 
+def test_a_piece_beyond_the_last_is_none_and_one_that_comes_often_counts_once() -> None:
+    message = bytes(400)
+    first, *rest = pieces.cut(message, 7, 100)
+    count = 1 + len(rest)
+    beyond = first[:5] + count.to_bytes(2, "little") + first[7:]
+    joiner = pieces.Joiner(longest=600)
+    for piece in (beyond, *[first] * 20, *rest[:-1]):
+        assert joiner.join(piece) is None
+    assert joiner.join(rest[-1]) == message
+
+
 def test_messages_that_never_become_whole_are_not_kept() -> None:
     joiner = pieces.Joiner()
     for number in range(1000):
