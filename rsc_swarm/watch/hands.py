@@ -37,7 +37,8 @@ def read_hand(message: bytes) -> Hand:
         if set(said) == {"fault"} and isinstance(said["fault"], dict) and "at_s" not in said["fault"]:
             return Hand(fault=said["fault"])
         speed, paused = said["pace"]["speed"], said["pace"]["paused"]
-        if isinstance(paused, bool) and (speed is None or _SLOWEST <= float(speed) <= _FASTEST):
+        number = type(speed) in (int, float) and _SLOWEST <= speed <= _FASTEST
+        if isinstance(paused, bool) and (speed is None or number):
             return Hand(pace=Pace(None if speed is None else float(speed), paused))
     except (ValueError, TypeError, KeyError, RecursionError):
         pass

@@ -63,7 +63,7 @@ def served(
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM_BYTES)
     host, port = listener.getsockname()[:2]
-    named = f"[{host}]" if ":" in host else host
+    named = socket.gethostname() if ip_address(host).is_unspecified else f"[{host}]" if ":" in host else host
     token = secrets.token_urlsafe(12) if hands else None
     address = f"http://{named}:{port}/{f'#{token}' if token else ''}"
     with ours, Supervisor() as supervisor, _opened(address, asked.open_browser):

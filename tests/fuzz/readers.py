@@ -49,9 +49,11 @@ from rsc_swarm.study.finished import FinishedFlights
 from rsc_swarm.study.tables.markdown import markdown
 from rsc_swarm.study.tables.result import as_csv, read_table
 from rsc_swarm.training.config import TrainingConfig, make_config
+from rsc_swarm.watch import hands
 from tests.fuzz import seed_files
 from tests.fuzz.seed_messages import AGENTS, NOW
 from tests.parts import times_of
+from world.faults import with_fault
 from world.outlets.trajectory import Trajectory
 from world.server.credentials import Credentials
 
@@ -136,6 +138,14 @@ def read_air_message(data: bytes) -> None:
     read, write = _AIR_MESSAGES.get(data[:1], _AIR_MESSAGES[b"b"])
     said = read(data[1:])
     assert read(write(said)) == said
+
+
+def read_hand(data: bytes) -> None:
+    """What a page says that somebody wants, and what becomes of it in a flight."""
+    hand = hands.read_hand(data)
+    if hand.fault is not None:
+        flown = with_fault(parse_mission({"agents": AGENTS}), {"at_s": 0.5, **hand.fault})
+        assert parse_mission(flown.model_dump(mode="json")) == flown
 
 
 def read_fleet_file(path: Path) -> None:

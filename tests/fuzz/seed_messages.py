@@ -148,6 +148,14 @@ def vehicle_messages() -> Iterator[bytes]:
     yield b"f" + pack_fix(x)
 
 
+def hands() -> Iterator[bytes]:
+    yield b'{"fault": {"kind": "kill", "agents": [1, 2]}}'
+    yield b'{"fault": {"kind": "part", "groups": [[0, 1], [2]]}}'
+    yield b'{"fault": {"kind": "loss", "loss": 0.3}}'
+    yield b'{"pace": {"speed": 0.5, "paused": false}}'
+    yield b'{"pace": {"speed": null, "paused": true}}'
+
+
 def air_messages() -> Iterator[bytes]:
     x = (1.0, -2.0, 0.5)
     yield b"b" + pack_beacon(Beacon(3, 4, 2, 77, 10**15, x, x, 12, 1, -3, 90, True), b"frame")

@@ -55,8 +55,11 @@ from rsc_swarm.study.finished import FinishedFlightsError
 from rsc_swarm.study.tables import result
 from rsc_swarm.study.tables.result import TableError, as_csv, read_table
 from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
+from rsc_swarm.watch import hands
+from rsc_swarm.watch.hands import HandError
 from tests.fuzz import mutate, readers, seed_files, seed_messages
 from tests.fuzz.mutate import Change
+from world import faults
 from world.outlets import trajectory
 from world.outlets.trajectory import TrajectoryError
 from world.server.credentials import Credentials
@@ -156,6 +159,13 @@ TARGETS = {
         seed_messages.air_messages,
         mutate.bytes_changed,
         (beacon.unpack_beacon, operator.unpack_word, account.read_account),
+    ),
+    "hand": Target(
+        readers.read_hand,
+        (HandError, MissionError),
+        seed_messages.hands,
+        mutate.json_changed,
+        (hands.read_hand, faults.with_fault),
     ),
     "fleet": Target(
         readers.in_file("fleet.yaml", readers.read_fleet_file),

@@ -113,7 +113,9 @@ def test_by_the_clock_nothing_waits() -> None:
     [b"", b"[]", b"7", b"null", b'{"fault": 3}', b'{"fault": {"kind": "kill", "at_s": 0}}', b'{"pace": []}', b"[" * 5000, b"\xff",
      b'{"pace": {"speed": 0, "paused": true}}',
      b'{"pace": {"speed": NaN, "paused": true}}', b'{"pace": {"speed": 1, "paused": 1}}',
-     b'{"pace": {"speed": "x", "paused": true}}', b'{"pace": {"speed": 1}}', b'{"fault": {}, "pace": {}}'],
+     b'{"pace": {"speed": "x", "paused": true}}', b'{"pace": {"speed": 1}}',
+     b'{"pace": {"speed": 1%s, "paused": true}}' % (b"0" * 400),
+     b'{"pace": {"speed": true, "paused": true}}', b'{"fault": {}, "pace": {}}'],
 )  # fmt: skip
 def test_what_is_no_hand_is_refused(said: bytes) -> None:
     with pytest.raises(HandError, match="say a fault without its time, or a pace"):
