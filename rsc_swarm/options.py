@@ -242,6 +242,21 @@ def _put(document: dict[str, Any], field: str, value: Any) -> None:
     place[last] = value
 
 
+def named(options: MissionOptions, mission: str | None) -> MissionOptions:
+    """The options with the mission that a command was given without ``--mission``.
+
+    Raises:
+        protocols.mission.document.MissionError: one was given so too.
+    """
+    if mission is None:
+        return options
+    if options.mission is not None:
+        from protocols.mission.document import MissionError
+
+        raise MissionError(f"--mission {options.mission}: {mission} is given already; leave one of them out")
+    return replace(options, mission=mission)
+
+
 def anywhere(options: MissionOptions) -> MissionOptions:
     """The same options with all files by absolute paths, so that they mean the same in another folder."""
     policy, others = options.policy, []

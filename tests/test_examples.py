@@ -55,6 +55,16 @@ def test_faults_are_tested():
     assert "3 passed" in run.stdout, run.stdout + run.stderr
 
 
+def test_a_controller_of_ones_own_is_tested_in_ten_lines():
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "rsc_swarm.testing.plugin", "-c", "/dev/null",
+         "test_survival.py"],
+        cwd=EXAMPLES, env={"PYTHONPATH": str(ROOT), "PATH": "", "HOME": str(Path.home())}, capture_output=True, text=True,
+        timeout=240,
+    )  # fmt: skip
+    assert "1 passed" in run.stdout, run.stdout + run.stderr
+
+
 def test_the_notebook_runs_from_top_to_bottom(capsys):
     pytest.importorskip("matplotlib").use("Agg")
     notebook = json.loads((EXAMPLES / "flight.ipynb").read_text())
@@ -74,7 +84,7 @@ def test_every_example_is_told():
     assert told == {path.name for path in EXAMPLES.iterdir() if path.is_file()} - {"README.md"}
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/policies.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/policies.md", "docs/campaigns.md"])
 def test_what_a_page_shows_as_a_file_is_that_file(page):
     blocks = re.findall(r"```\w+\n(# (\w+\.\w+)\n.*?)```", (ROOT / page).read_text(), re.DOTALL)
     assert blocks

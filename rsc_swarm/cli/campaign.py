@@ -12,7 +12,7 @@ import typer
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import WhoOptions, announce_compiling, app, examples, with_options
 from rsc_swarm.machine.leaving import unwind_when_asked
-from rsc_swarm.options import MissionOptions, command_line, resolve
+from rsc_swarm.options import MissionOptions, command_line, named, resolve
 
 if TYPE_CHECKING:
     from rsc_swarm.campaign.flying import Plan, Tally
@@ -65,10 +65,7 @@ def campaign(
     """
     from protocols.mission.document import MissionError
 
-    if name is not None:
-        if options.mission is not None:
-            raise MissionError(f"--mission {options.mission}: {name} is given already; leave one of them out")
-        options = replace(options, mission=name)
+    options = named(options, name)
     try:
         import hypothesis  # noqa: F401
     except ModuleNotFoundError:

@@ -19,6 +19,7 @@ from rsc_swarm.cli import (  # noqa: F401  each adds its command
     schema,
     selfcheck,
     simulate,
+    sweep,
     tables,
     train,
     warm_up,
