@@ -178,7 +178,11 @@ class _Told:
                 "slow": f"has {100 * fault.factor:.0f} % of its acceleration left",
                 "recover": "has all of its acceleration again",
             }[fault.kind]
+            # The dead are past all but a restart; who was struck off is past that, too.
+            flying = self._path.flying[fault.at_tick + (fault.kind == "restart")]
             for agent in self._struck(fault):
+                if not flying[agent]:
+                    continue
                 yield self._event(fault.at_tick, fault.kind, (agent,), f"agent {agent} {text}", why)
 
     def _losses(self) -> Iterator[Event]:

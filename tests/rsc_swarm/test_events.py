@@ -75,6 +75,19 @@ def test_a_drone_that_begins_anew_is_in_its_first_slot_until_it_has_heard():
     ]
 
 
+def test_who_was_struck_off_does_not_begin_anew():
+    path = standing(3, 60)
+    path.flying[6:, 0] = False
+    faults = [
+        {"at_s": 0.3, "kind": "slow", "agents": [0, 2]},
+        {"at_s": 0.4, "kind": "restart", "agents": [0, 1]},
+    ]
+    befell = told(path, ("lost", "slow", "restart"), faults=faults)
+    assert [(event.tick, event.what, event.agents) for event in befell] == [
+        (5, "lost", (0,)), (30, "slow", (2,)), (40, "restart", (1,)),
+    ]  # fmt: skip
+
+
 def test_who_falls_without_the_missions_doing_is_lost_and_why_is_told():
     path = standing(3, 20)
     path.flying[8:, 2] = False
