@@ -86,6 +86,18 @@ def raised(name: str, error: BaseException, asked: object = None) -> PolicyError
     return PolicyError(f"policy {name} raised {type(error).__name__}{text}{place}")
 
 
+def left_behind(name: str, frame: FrameType | None) -> PolicyStuck:
+    """One line for the policy called ``name`` that has not returned from ``frame``: its own innermost line there."""
+    theirs: list[FrameType] = []
+    while frame is not None and frame.f_code is not call.__code__:
+        theirs.append(frame)
+        frame = frame.f_back
+    asked = theirs if frame else []
+    own = [one for one in asked if one.f_code.co_filename == asked[-1].f_code.co_filename]
+    place = f" at {at(own[0].f_code.co_filename, own[0].f_lineno, own[0].f_code.co_name)}" if own else ""
+    return PolicyStuck(f"policy {name} did not return: it was stopped{place}")
+
+
 def source_of(kind: object) -> str | None:
     """The file that defines a class or a method, if there is one."""
     try:

@@ -12,11 +12,12 @@ from types import FrameType
 
 import numpy as np
 
-from agent.policy.asking import is_within
+from agent.policy.asking import is_within, left_behind
 from agent.policy.base import NotReturned, PolicyError
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.machine.apart import Apart, LeftBehind
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from world.outcome import Flown
 from world.outlets.onlooker import Nobody, Onlooker
@@ -54,7 +55,7 @@ def fly(
     simulation = Simulation([mission], watched=onlooker is not None)
     core, director = simulation.world, simulation.director
     wrong: PolicyError | None = None
-    with _leave_even_a_policy() as leave:
+    with _ways(mission) as (leave, do):
         first_tick_at, begin = time.time(), time.perf_counter()
         shown = -np.inf
         if recorder:
@@ -68,7 +69,7 @@ def fly(
                 director.leave()
             else:
                 try:
-                    director.tick()
+                    do(director.tick)
                 except PolicyError as error:
                     wrong = error
                     director.leave()
@@ -116,6 +117,24 @@ def fly_together(missions: Sequence[Mission], recorders: Sequence[Recorder]) -> 
             for world in ended:
                 flown[world] = director.flown(time.perf_counter() - begin, first_tick_at, world=world)
     return [flown[world] for world in range(len(missions))]
+
+
+@contextmanager
+def _ways(mission: Mission) -> Iterator[tuple[Leave, Callable[[Callable[[], object]], object]]]:
+    """Whether to leave, and how a tick is flown: with a policy of somebody's own so that it can be left behind."""
+    if ":" not in mission.policy or threading.current_thread() is not threading.main_thread():
+        with _leave_even_a_policy() as leave:
+            yield leave, lambda work: work()
+        return
+    with leave_when_asked() as leave, Apart(leave, _POLICY_S) as apart:
+
+        def do(work: Callable[[], object]) -> object:
+            try:
+                return apart.do(work)
+            except LeftBehind as error:
+                raise left_behind(mission.policy, error.frame) from None
+
+        yield leave, do
 
 
 @contextmanager

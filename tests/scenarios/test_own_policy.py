@@ -88,9 +88,15 @@ def test_what_was_flown_before_a_policy_raised_is_kept(folder: Path) -> None:
         assert len(saved["positions"]) == 61
 
 
-def test_ctrl_c_names_a_policy_that_does_not_return(folder: Path) -> None:
+@pytest.mark.parametrize(
+    "hangs",
+    ["while True: pass", "import time; time.sleep(1e6)", "import numba; numba.njit(spin)(1)"],
+    ids=["loop", "sleep", "compiled"],
+)
+def test_ctrl_c_names_a_policy_that_does_not_return(folder: Path, hangs: str) -> None:
     told = "print('in it', flush=True)\n            "
-    (folder / "homing.py").write_text(POLICY.format(at=7, does=told + "while True: pass"))
+    spin = "\n\ndef spin(turns):\n    while turns > 0:\n        turns += 1\n"
+    (folder / "homing.py").write_text(POLICY.format(at=7, does=told + hangs) + spin)
     words = ["simulate", "-n", "3", "--policy", "homing.py:Homing", "--run-dir", "run"]
     with subprocess.Popen(
         [sys.executable, "-m", "rsc_swarm.cli.main", *words], cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)},
