@@ -25,7 +25,8 @@ def report(
     from rsc_swarm.flight.run_dir import RunDir
     from rsc_swarm.show.page.page import write_page
 
-    recorded = Recorded.load(RunDir(run))
-    page = out or run / "report.html"
+    folder = RunDir(run)
+    recorded = Recorded.load(folder)
+    page = out or folder.page
     write_page(recorded, page)
     print(f"{page}: {recorded.end.text}")

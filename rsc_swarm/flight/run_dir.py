@@ -4,6 +4,7 @@
     policy/          a policy that is a file of one's own, or a model file; mission.yaml names it there
     report.json      the report (docs/report.md), with versions and the hashes of what lies in policy/
     report.txt       the same for people
+    report.html      the same as a page, once rsc-swarm report has made it
     trajectory.npz   every drone's path (world.outlets.recorder)
     events.jsonl     what happened, one line each (rsc_swarm.flight.events)
     logs/            one file per process, of a launch
@@ -61,6 +62,7 @@ class RunDir:
         self.text = path / "report.txt"
         self.trajectory = path / "trajectory.npz"
         self.events = path / "events.jsonl"
+        self.page = path / "report.html"
         self.logs = path / "logs"
         self._mission: Mission | None = None  # as it was written down
         self._locked: weakref.finalize[Any, Any] | None = None
@@ -90,7 +92,7 @@ class RunDir:
                 )
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock()
-            for old in (self.report, self.text, self.trajectory, self.events):
+            for old in (self.report, self.text, self.trajectory, self.events, self.page):
                 old.unlink(missing_ok=True)
             for folder in (self.logs, self.policy):
                 shutil.rmtree(folder, ignore_errors=True)

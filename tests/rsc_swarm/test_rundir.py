@@ -57,6 +57,7 @@ def test_a_second_flight_replaces_the_first_only_if_that_is_asked_for(tmp_path):
     folder.begin(SMALL)  # nothing was flown
     folder.report.write_text("the first flight's")
     (folder.logs / "agent-3.log").write_text("the first flight's")
+    folder.page.write_text("the first flight's")
     with pytest.raises(RunDirError) as refused:
         folder.begin(SMALL)
     assert str(refused.value) == (
@@ -65,6 +66,7 @@ def test_a_second_flight_replaces_the_first_only_if_that_is_asked_for(tmp_path):
     assert folder.report.read_text() == "the first flight's"
     folder.begin(SMALL.model_copy(update={"map_seed": 9}), overwrite=True)
     assert not folder.report.exists()
+    assert not folder.page.exists()
     assert not list(folder.logs.iterdir())
 
 
