@@ -78,7 +78,7 @@ def test_ctrl_c_reaches_the_children_as_a_request_to_leave(
 ) -> None:
     process = begin(WHOLE_SWARM)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
-    assert "KeyboardInterrupt" in process.communicate(timeout=10.0)[1]
+    assert "KeyboardInterrupt" in process.communicate(timeout=60.0)[1]
     assert alive(here, *EVERYONE) == []
     assert {path.name for path in here.glob("* left")} == {"world left", "polite left", "frozen left"}
     assert run_folders(here) == []
@@ -89,7 +89,7 @@ def test_a_world_that_is_killed_is_reported_and_its_folder_removed(
 ) -> None:
     process = begin(WHOLE_SWARM)
     os.kill(int((here / "world").read_text()), signal.SIGKILL)
-    assert "lost world" in process.communicate(timeout=10.0)[1]
+    assert "lost world" in process.communicate(timeout=60.0)[1]
     assert process.returncode == 1
     assert alive(here, *EVERYONE) == []
     assert run_folders(here) == []
@@ -156,12 +156,12 @@ def test_a_frozen_drone_does_not_hold_up_the_world_and_hears_again_when_thawed(
                 started = time.monotonic()
                 for _ in range(20):  # as many as the world sends unanswered
                     link.send(0, bytes(1200))
-                print("20 sends to a frozen drone took less than 1 s:", time.monotonic() - started < 1.0)
+                print("20 sends to a frozen drone took less than 3 s:", time.monotonic() - started < 3.0)
                 os.kill(int(drone_pid.read_text()), signal.SIGCONT)
-                while link.receive(0.3):
-                    pass
                 link.send(0, b"again")
-                print(link.receive(5.0))
+                while (said := link.receive(20.0)) and said != (0, b"again"):
+                    pass
+                print(said)
                 link.send(0, b"end")
                 time.sleep(0.1)
 
@@ -175,4 +175,4 @@ def test_a_frozen_drone_does_not_hold_up_the_world_and_hears_again_when_thawed(
                     assert end.code == 0, end
         """
     )
-    assert lines == ["20 sends to a frozen drone took less than 1 s: True", "(0, b'again')"]
+    assert lines == ["20 sends to a frozen drone took less than 3 s: True", "(0, b'again')"]

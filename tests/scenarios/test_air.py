@@ -65,6 +65,6 @@ def test_a_killed_drone_and_a_killed_operator_bring_down_nobody_else_but_by_land
         fleet.await_said("hold (operator not heard", 5, 30)
         fleet.await_said("ground (landed)", 5, 60)
         assert air.poll() is None
-    operator.wait(10)
+    operator.wait(60)
     assert fleet.log.count("land (") == 5
     assert "dead" not in fleet.log

@@ -97,9 +97,9 @@ def test_the_world_sends_to_where_a_drone_was_last_heard(world: Met) -> None:
     drone = AgentDatagrams(endpoint, 3, key, got.put)
     assert one.send(3, b"where are you") is False
     assert drone.send(b"here") is False, "perhaps nobody hears it"
-    assert heard.get(timeout=5) == (3, b"here")
+    assert heard.get(timeout=30) == (3, b"here")
     assert one.send(3, LONG) is True
-    assert got.get(timeout=5) == LONG
+    assert got.get(timeout=30) == LONG
     assert drone.send(b"again") is True
     drone.close()
 
@@ -115,7 +115,7 @@ def test_who_has_not_the_key_of_this_process_is_not_heard(world: Met) -> None:
     for each, word in ((before, b"old"), (stranger, b"forged"), (now, b"new")):
         each.send(word)
         each.close()
-    assert heard.get(timeout=5) == (3, b"new")
+    assert heard.get(timeout=30) == (3, b"new")
     assert heard.empty()
 
 

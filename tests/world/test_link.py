@@ -59,7 +59,7 @@ def test_waiting_for_a_message_takes_as_long_as_asked(world: WorldLink, endpoint
         for receive in (world.receive, agent.receive):
             started = time.monotonic()
             assert receive(0.05) is None
-            assert 0.045 < time.monotonic() - started < 0.5
+            assert 0.045 < time.monotonic() - started < 5.0
 
 
 def test_a_message_longer_than_the_transport_carries_arrives_whole(world: WorldLink, endpoint: str) -> None:
