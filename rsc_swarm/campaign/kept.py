@@ -65,7 +65,7 @@ def keep(failure: Failure, folder: Path) -> Path:
         group.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise KeptError(f"--out {folder}: cannot be made ({error.strerror})") from None
-    path = group / f"{mission.map_seed}-{mission.seed}.yaml"
+    path = group / f"{mission.map_seed}-{mission.seed}-{failure.digest[:8]}.yaml"  # seeds may be drawn twice
     anywhere = mission.model_copy(update={"policy": from_folder(mission.policy, Path.cwd())})
     head = "".join(
         f"# {name}: {value}\n"

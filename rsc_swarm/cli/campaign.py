@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         "campaign --mission scrambled --budget kill=2,part=2,burst=0.5 --seed 7",
         "campaign dense --budget none,restart=3",
         "campaign --check campaigns/plain-0",
-        "campaign --replay campaigns/plain-0/drones-hit-each-other/1000017-1000203.yaml",
+        "campaign --replay campaigns/plain-0/drones-hit-each-other/1000017-1000203-a483f2cd.yaml",
     )
 )
 @with_options

@@ -42,7 +42,7 @@ def test_what_breaks_is_made_short_and_kept_and_can_be_checked(tmp_path: Path) -
     assert shortest.shrunk
     assert [fault.kind for fault in shortest.mission.faults] == ["kill"]
     places = {failure.digest: keep(failure, tmp_path) for failure in tally.failures}
-    assert len(places) == len(tally.failures)
+    assert len(set(places.values())) == len(places), "one file for each flight"
 
     for kept in all_kept(tmp_path):
         flown = fly_kept(kept)
@@ -56,6 +56,8 @@ def test_what_breaks_is_made_short_and_kept_and_can_be_checked(tmp_path: Path) -
     page = write_index(tmp_path, PLAN, tally, places, "rsc-swarm campaign <&>").read_text()
     assert page.count("--replay") == len(tally.failures)
     assert "rsc-swarm campaign &lt;&amp;&gt;" in page
+    twin = replace(shortest, digest="f" * 32)
+    assert keep(twin, tmp_path / "elsewhere") != keep(shortest, tmp_path / "elsewhere"), "of the same seeds"
 
 
 def test_a_stopped_campaign_goes_on_and_a_longer_one_flies_what_is_missing(
