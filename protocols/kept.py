@@ -148,6 +148,11 @@ class Kept:
             data = msgpack.packb(code)
             write_whole(self._path(folder, form), _digest(data) + data)
 
+    def is_any(self) -> bool:
+        """Whether any form is kept."""
+        folder = self.find_folder()
+        return folder is not None and any(folder.glob(f"{self._name}.*"))
+
     def _path(self, folder: Path, form: str) -> Path:
         return folder / f"{self._name}.{_digest(f'{processor()} {form}'.encode()).hex()}.o"
 

@@ -132,8 +132,7 @@ def is_kept(rule: Callable[..., Any]) -> bool:
     """Whether some compiled form of this kernel, as its sources are now, lies on disk; also where nothing is compiled."""
     if not isinstance(rule, Kernel):
         return True
-    folder = rule.kept.find_folder()
-    return folder is not None and folder.exists()
+    return rule.kept.is_any()
 
 
 def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
