@@ -46,10 +46,14 @@ class Heard(NamedTuple):
     frames: int
 
 
-def heard_of(said: Sequence[tuple[int, bytes]]) -> Heard:
-    """What is heard where each of ``said`` is a source and its frame."""
-    data = np.frombuffer(pack_heard(said), np.uint8)
-    return Heard(data, 0, len(data), len(said))
+def heard_of(said: Sequence[tuple[int, bytes]], room: NDArray[np.uint8] | None = None) -> Heard:
+    """What is heard where each of ``said`` is a source and its frame; it lies in ``room`` if there is enough."""
+    packed = pack_heard(said)
+    size = len(packed)
+    if room is None or size > len(room):
+        room = np.zeros(size, np.uint8)
+    room[:size] = np.frombuffer(packed, np.uint8)
+    return Heard(room, 0, size, len(said))
 
 
 class Radio(Protocol):

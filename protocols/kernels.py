@@ -19,13 +19,12 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from protocols.kept import Kept, is_ours
 from protocols.machine_code import MachineCode, Result, linked
 
 _LINKER = "libllvmlite"
-_KINDS = {"int": np.int64, "uint": np.uint64, "float": np.float64, "bool": np.bool_}  # of results
+_FORMATS = {"bool": "?7x", "int": "q", "uint": "Q", "float": "d"}  # of 64 bits each, as `struct` has them
 _LAYOUT = (
     0x0001 | 0x0002 | 0x0100 | 0x0400
 )  # of numpy's flags: contiguous in either order, aligned, writeable
@@ -142,13 +141,16 @@ def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...
         pack = struct.Struct(words).pack
         return lambda given: function(pack(*_words(given)))
 
-    kinds = list(_flat(result))
-    pack_all = struct.Struct(words + "Qqq" * len(kinds)).pack
+    kinds = [_FORMATS[kind] for kind in _flat(result)]
+    pack_all, read = struct.Struct(words + "Qqq" * len(kinds)).pack, struct.Struct("".join(kinds)).unpack
+    room = ctypes.c_char * (8 * len(kinds))
 
     def form(given: tuple[Any, ...]) -> Any:
-        found: list[NDArray[Any]] = [np.zeros(1, _KINDS[kind]) for kind in kinds]
-        function(pack_all(*_words((*given, *found))))
-        return _shaped(result, iter([one[0].item() for one in found]))
+        found = room()
+        begin = ctypes.addressof(found)
+        places = [word for at in range(begin, begin + len(found), 8) for word in (at, 1, 8)]
+        function(pack_all(*_words(given), *places))
+        return _shaped(result, iter(read(found)))
 
     return form
 
@@ -217,7 +219,8 @@ def _format_of(value: Any) -> str:
         return "Q"
     if isinstance(value, tuple):
         return "".join(map(_format_of, value))
-    return {bool: "?7x", float: "d", int: "q", np.uint64: "Q"}[_number_type(value)]
+    kind = _number_type(value)
+    return _FORMATS["uint" if kind is np.uint64 else kind.__name__]
 
 
 def _words(given: tuple[Any, ...]) -> list[Any]:

@@ -7,6 +7,8 @@ mission's dynamics have it, and leaks towards what is measured, so that the two 
 
 import math
 
+import numpy as np
+
 from agent.air.contacts import Contacts
 from agent.air.vehicle import Setpoint, State
 from agent.ports import Heard, heard_of
@@ -19,6 +21,7 @@ from protocols.wire.status import AgentStatus
 _LEAK_P, _LEAK_V = 0.5, 1.0  # per second
 _CLIMB_MPS = 0.3  # from one slot's height to another's
 _SILENT_S = 0.5  # then the frames of a drone are believed no more, and it becomes an obstacle
+_ROOM_BYTES = 1 << 15  # of the frames of a tick
 _DRONE_M = 0.5  # its radius as an obstacle, in the mission's metres
 
 
@@ -34,6 +37,7 @@ class RoomBody:
         self._v: Flat = (0.0, 0.0)
         self._measured = (self._p, self._v)
         self._height = 0.0
+        self._room = np.zeros(_ROOM_BYTES, np.uint8)
         self._tick, self._now = 0, 0.0
         self.slot = me
         self.setpoint: Setpoint | None = None
@@ -84,7 +88,8 @@ class RoomBody:
                 (sender, frame)
                 for sender, frame in self._contacts.frames(self._tick)
                 if math.dist(known[sender].beacon.p[:2], here) <= reach
-            ]
+            ],
+            self._room,
         )
 
     def say(self, frame: bytes) -> None:

@@ -110,9 +110,9 @@ class CrazyflieVehicle(Ordered):
         )
 
     def fly(self, setpoint: Setpoint) -> None:
-        if time.monotonic() - self._said_at >= _SAY_S:
-            self._order = self._next(Kind.FLY, *setpoint)
-            self._say()
+        # The first at once: the order before, which is said again, would take its turns.
+        if self._order.kind is not Kind.FLY or time.monotonic() - self._said_at >= _SAY_S:
+            self._give(self._next(Kind.FLY, *setpoint))
 
     def close(self) -> None:
         if self._session is not None:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import psutil
 
+from agent.air.body import RoomBody
 from agent.air.clock import Utc
+from agent.air.contacts import Contacts
 from agent.air.drone import AirDrone
 from agent.air.flying import fly
 from agent.air.peers import AirLink, name_of
@@ -89,6 +91,7 @@ def load(plan: Plan) -> None:
     make_room(plan.mission.agents)
     rehearse_judging(plan)
     rehearse(plan.mission)
+    RoomBody(plan, 0, Contacts(0)).fly(0.0, 0.0)
 
 
 def _say(me: int, text: str) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from agent.policy import learned  # noqa: F401  its rules count, too
 from agent.process import rehearse
+from protocols.dynamics import TICK_S, integrate
 from protocols.kept import cache_folder
 from protocols.kernels import Kernel, compiling_watched
 from protocols.mission.document import Mission, parse_mission
@@ -25,6 +26,8 @@ from rsc_swarm.show.progress import Meter
 from world.core import Answers, Inbox, WorldCore
 from world.director import Director
 from world.faults import Event
+from world.outlets.judged import findings_of
+from world.outlets.recorder import Recorder
 from world.server.questions import Questions, empty_frames
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
@@ -72,10 +75,14 @@ def _be_a_drone(policy: str = "rsc-h20") -> None:
 
 
 def _be_the_world() -> None:
-    core = WorldCore([_mission()])
+    mission = _mission()
+    core, recorder = WorldCore([mission]), Recorder(mission)
     director = Director(core, _Idle(core))
     for _ in range(_TICKS):
         director.tick()
+        recorder.record(core)
+    findings_of(recorder.trajectory, mission)
+    integrate((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 1.0, 1.0, TICK_S)  # of a vehicle that is led
     agents = core.shape[1]
     Questions(core, empty_frames(core)).write(0, 0, core.rows_awake, [-1] * agents)
 

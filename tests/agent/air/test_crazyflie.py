@@ -1,8 +1,16 @@
-"""What is wrong with the address of a Crazyflie is said before anything is opened. Flights: tests/radiohost."""
+"""What is wrong with the address of a Crazyflie is said before anything is opened, and what it is told when. Flights:
+tests/radiohost."""
+
+from types import SimpleNamespace
 
 import pytest
 
-from agent.air.vehicle import Rig, VehicleAddressError, make_vehicle
+from agent.air import crazyflie
+from agent.air.crazyflie import CrazyflieVehicle
+from agent.air.vehicle import Rig, Setpoint, VehicleAddressError, make_vehicle
+from protocols.wire.vehicles import Account, Ill, Kind, Mode, unpack_order
+
+_STILL = (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -18,3 +26,20 @@ def test_an_address_that_is_none_is_refused(where: str, options: dict[str, str],
     with pytest.raises(VehicleAddressError, match=why) as error:
         make_vehicle(f"crazyflie:{where}", Rig(0, (0.0, 0.0, 0.0), 1.0, 3.0, options=options))
     assert "\n" not in str(error.value)
+
+
+def test_a_setpoint_takes_the_place_of_an_order_that_is_said_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, said = [0.0], []
+    monkeypatch.setattr(crazyflie, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    vehicle = CrazyflieVehicle("udp://127.0.0.1:19850", Rig(0, _STILL, 1.0, 3.0, dongle=0))
+    vehicle._publisher = SimpleNamespace(put=lambda data: said.append(unpack_order(data).kind))  # type: ignore[assignment]
+    vehicle._newest = (0.0, Account(Mode.HOLD, 1, True, Ill(0), _STILL, _STILL, 0.0, 0.0, 0.0, 1.0))
+    vehicle.take_off(0.8)
+    for tick in range(
+        1, 21
+    ):  # as exactly as no clock: each look at the state comes before the setpoint of its tick
+        now[0] = tick / 100
+        vehicle.state()
+        if tick > 10:
+            vehicle.fly(Setpoint(_STILL, _STILL, _STILL, 0.0))
+    assert said == [Kind.TAKE_OFF] * 6 + [Kind.FLY] * 5

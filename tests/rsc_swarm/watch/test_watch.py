@@ -108,7 +108,9 @@ def test_nobody_is_there_any_more_and_the_flight_is_the_same():
 
 
 @pytest.fixture
-def site():
+def site(monkeypatch):
+    # Tests before may have opened Zenoh in this process. What is forked here never touches it.
+    monkeypatch.setattr("rsc_swarm.flight.processes._refuse_to_fork_zenoh", lambda: None)
     with served(Asked(port=0)) as site:
         yield site
 
