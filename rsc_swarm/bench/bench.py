@@ -48,7 +48,7 @@ from rsc_swarm.flight.key_files import read_login
 from rsc_swarm.flight.alone import fly_agent
 endpoint = sys.argv[1]
 login = read_login(Path(sys.argv[2]) / "agent-0.json", 0, endpoint, plain_text=False)
-fly_agent(login, endpoint, lambda seconds: print(seconds, flush=True))
+fly_agent(login, endpoint, "rsc-h20", lambda seconds: print(seconds, flush=True))
 """
 _LARGE = 100
 POLICIES = ("rsc-h20", "analytic")
