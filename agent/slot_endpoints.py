@@ -49,10 +49,10 @@ class SlotEndpoint(Protocol):
         """Begin to exchange slots with ``partner``. IllegalSwap if not ready."""
 
     def may_vacate(self, dead: int) -> bool:
-        """Whether it may take that drone's slot, if that one is dead."""
+        """Whether it may take that drone's slot now, if that one is dead."""
 
     def vacate(self, dead: int, tick: int) -> None:
-        """Take a dead drone's slot, at once. IllegalSwap if engaged or amnesiac, or if it may not."""
+        """Take a dead drone's slot, at once. IllegalSwap if it may not."""
 
     def hear(self, note: SlotNote, sender: int, tick: int) -> None:
         """A neighbour's note."""
@@ -138,7 +138,7 @@ class SlotEndpoints:
             for index in work.inbox[work.inbox_start[row] : work.inbox_start[row + 1]].tolist():
                 party.hear(air.note(index), int(senders[index]), tick)
             party.advance(tick)
-            if vacated != NOBODY and party.stance is Stance.IDLE and party.may_vacate(vacated):
+            if vacated != NOBODY and party.may_vacate(vacated):
                 party.vacate(vacated, tick)
             elif partner != NOBODY and party.ready(tick):
                 party.propose(partner, tick)

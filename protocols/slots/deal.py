@@ -25,6 +25,7 @@ TURNS: dict[tuple[Stance, str], Stance] = {
     (Stance.PROPOSING, "give up"): Stance.IDLE,
     (Stance.PROMISED, "see commit"): Stance.IDLE,
     (Stance.PROMISED, "let go"): Stance.IDLE,
+    (Stance.AMNESIAC, "vacate"): Stance.AMNESIAC,
     (Stance.AMNESIAC, "join"): Stance.IDLE,
 }
 

@@ -85,12 +85,12 @@ class VersionedParty:
         self.counts.committed += 1
 
     def may_vacate(self, dead: int) -> bool:
-        """Anybody may."""
-        return True
+        """Anybody may but an amnesiac."""
+        return self.stance is not Stance.AMNESIAC
 
     def vacate(self, dead: int, tick: int) -> None:
         """Take a dead agent's slot and leave it mine, at once. IllegalSwap if amnesiac."""
-        if self.stance is Stance.AMNESIAC:
+        if not self.may_vacate(dead):
             raise IllegalSwap("cannot vacate while amnesiac")
         self._exchange(dead, tick)
         self.counts.vacated += 1

@@ -175,6 +175,33 @@ def test_an_amnesiac_agrees_to_nothing() -> None:
     assert (a.counts.refused, b.counts.accepted) == (1, 0)
 
 
+def test_an_amnesiac_takes_its_dead_leaders_slot_once_one_has_told_it_all() -> None:
+    """It may hear nobody else for the rest of the flight, and nobody else may be there to take it."""
+    a, b, *_ = parties(4)
+    b.vacate(3, tick=0)
+    tell(b, a)
+    again = SlotParty(0, range(4), RULES, nonce=1, amnesiac=True)
+    assert not again.may_vacate(3), "it does not know yet where it is"
+    tell(b, again)
+    again.vacate(3, tick=0)
+    assert (again.slot, again.stance) == (1, Stance.AMNESIAC)
+    assert not again.may_vacate(3), "whom it has told of it, it does not know"
+    tell(again, b)
+    assert b.slot_of == again.slot_of
+
+
+def test_what_an_amnesiac_takes_undoes_nothing_it_has_forgotten() -> None:
+    a, b, c, _ = parties(4)
+    a.propose(1, tick=0)
+    rounds([a, b], 3)  # c, out of reach, does not hear of it
+    again = SlotParty(0, range(4), RULES, nonce=1, amnesiac=True)
+    tell(c, again)
+    again.vacate(3, tick=0)
+    tell(again, b)
+    assert b.slot_of == (1, 0, 2, 3), "what two agreed to stands"
+    assert b.counts.undone == 0
+
+
 def test_amnesiacs_cannot_teach_each_other() -> None:
     pair = [SlotParty(agent, range(2), RULES, nonce=1, amnesiac=True) for agent in range(2)]
     rounds(pair, 5)

@@ -192,10 +192,9 @@ def _deals(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator
             if partner == ahead or (partner != agent and not alphabet.ring):
                 proposing = seat.after("propose", partner)
                 yield state.seat(agent, proposing)._replace(proposals=state.proposals + 1)
-    if seat.party.stance is Stance.IDLE:
-        for dead, other in enumerate(state.seats):
-            if not other.alive and seat.party.slot_of[dead] < seat.party.slot:
-                yield state.seat(agent, seat.after("vacate", dead))
+    for dead, other in enumerate(state.seats):
+        if not other.alive and seat.party.may_vacate(dead) and seat.party.slot_of[dead] < seat.party.slot:
+            yield state.seat(agent, seat.after("vacate", dead))
 
 
 def _frames(state: State, alphabet: Alphabet, agent: int, seat: Seat) -> Iterator[State]:
