@@ -8,13 +8,19 @@ import typer
 from protocols.errors import ExitCode
 from rsc_swarm.cli.app import PlainText, announce_compiling, app, examples
 
+Connect = Annotated[
+    str, typer.Option(metavar="ENDPOINT", help="Where the world listens, tls/ADDRESS:PORT say.")
+]
+Policy = Annotated[
+    str,
+    typer.Option(metavar="NAME", help="Controller of the drone, as in launch; the world has no say."),
+]
+
 
 @app.command(epilog=examples("agent --agent 0 --connect tls/10.0.0.1:7447 --credentials agent-0.json"))
 def agent(
     agent: Annotated[int, typer.Option(metavar="I", min=0, help="Which drone this is.")],
-    connect: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where the world listens, tls/ADDRESS:PORT say.")
-    ],
+    connect: Connect,
     credentials: Annotated[
         Path,
         typer.Option(
@@ -24,10 +30,7 @@ def agent(
             help="This drone's own, made by [bold]rsc-swarm keys[/] or the world.",
         ),
     ],
-    policy: Annotated[
-        str,
-        typer.Option(metavar="NAME", help="Controller of this drone, as in launch; the world has no say."),
-    ] = "rsc-h20",
+    policy: Policy = "rsc-h20",
     plain_text: PlainText = False,
 ) -> None:
     """Run one drone alone; it gets its mission from the world, and flies its own policy."""

@@ -2,6 +2,7 @@
 
 from rsc_swarm.cli import (  # noqa: F401  each adds its command
     agent,
+    agents,
     air,
     bench,
     campaign,

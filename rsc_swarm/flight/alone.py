@@ -1,4 +1,5 @@
-"""Flying on several machines: the world alone, or one drone alone, each the only one of its flight in this process.
+"""Flying on several machines: the world alone, or one drone alone, each the only one of its flight in this process. Many drones:
+rsc_swarm.flight.agents.
 
 Both tell a service manager that they are ready, and ping its watchdog from the loop that flies: one that hangs is ended.
 """
@@ -32,6 +33,8 @@ from world.server.credentials import Credentials
 from world.server.link import WorldLink
 from world.server.ports import NoControl, ServerError
 from world.server.session import Clock, WorldServer
+
+_JOIN_S = 10.0  # patience of a drone alone that looks for its world
 
 
 class Watching(NamedTuple):
@@ -92,27 +95,44 @@ def fly_agent(
         rsc_swarm.machine.limits.MachineError: the machine gives too little.
         agent.policy.PolicyError: the policy cannot be had here, or raised.
     """
-    if login.seals is None:
-        raise RunBroken(
-            f"agent {login.agent}: its login has no keys to seal swaps with; make new ones as this one was made"
-        )
+    refuse_unsealed(login)
     make_room(1)
     rehearse(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
     service = Service()
     service.ready(f"looking for the world at {endpoint}")
+
+    def tell() -> None:
+        on_ready(time.time() - psutil.Process().create_time())
+
+    with leave_when_asked() as leave:
+        return take_part(login, endpoint, policy, lambda: service.alive(leave.asked), _JOIN_S, tell)
+
+
+def refuse_unsealed(login: Login) -> None:
+    """Raises RunBroken if nobody could believe the swaps of who has this login."""
+    if login.seals is None:
+        raise RunBroken(
+            f"agent {login.agent}: its login has no keys to seal swaps with; make new ones as this one was made"
+        )
+
+
+def take_part(
+    login: Login,
+    endpoint: str,
+    policy: str,
+    leaving: Callable[[], bool],
+    join_s: float,
+    on_linked: Callable[[], None],
+) -> Ending:
+    """Fly in the flight of the world at ``endpoint``, which is there within ``join_s``; why that ended. Raises as `fly_agent`."""
     try:
-        with leave_when_asked() as leave:
-
-            def leaving() -> bool:
-                return service.alive(leave.asked)
-
-            with AgentLink(endpoint, login, leaving=leaving) as link:
-                on_ready(time.time() - psutil.Process().create_time())
-                reason = fly(link, login.agent, policy, leaving, seals=login.seals)
+        with AgentLink(endpoint, login, join_s, leaving) as link:
+            on_linked()
+            reason = fly(link, login.agent, policy, leaving, seals=login.seals)
     except PolicyError:
         raise
     except (LinkError, ValueError) as error:
-        if leave.asked:
+        if leaving():
             return Ending.ASKED_TO_LEAVE
         raise RunBroken(str(error)) from None
     if reason is Ending.WORLD_SILENT:

@@ -120,6 +120,39 @@ def read_login(file: Path, agent: int, endpoint: str, plain_text: bool) -> Login
     return _own_login(file, agent)
 
 
+def read_logins(folder: Path, agents: Sequence[int], endpoint: str, plain_text: bool) -> list[Login]:
+    """Those of many drones of one swarm from their folder, for a world at ``endpoint``.
+
+    Raises:
+        KeyFileError, protocols.wire.endpoints.PlainTextError: as `read_login`, or they are not all of one swarm, or
+            it is smaller.
+    """
+    logins: list[Login] = []
+    for agent in agents:
+        file = folder / f"{user(agent)}.json"
+        if not file.exists() and (known := _size_of_swarm(folder)) and agent >= known:
+            raise KeyFileError(
+                f"{folder}: holds the keys of {known} drones, 0 to {known - 1}; there is no drone {agent}"
+            )
+        login = read_login(file, agent, endpoint, plain_text)
+        if logins and login.swarm != logins[0].swarm:
+            raise KeyFileError(
+                f"{file}: is for swarm {login.swarm!r}, and that of agent {logins[0].agent} for {logins[0].swarm!r}; "
+                "use the files of one swarm"
+            )
+        logins.append(login)
+    return logins
+
+
+def _size_of_swarm(folder: Path) -> int | None:
+    """Of how many drones the swarm is whose keys lie there, if any file there says so."""
+    for file in sorted(folder.glob("agent-*.json")):
+        with suppress(KeyFileError):
+            if seals := _read(file, certificates.read_login).seals:
+                return len(seals.public_keys)
+    return None
+
+
 def read_fleet_login(folder: Path, swarm: str, agent: int, host: str) -> Login:
     """Drone ``agent``'s own from a fleet's folder of keys, good at ``host``.
 

@@ -31,6 +31,7 @@ from rsc_swarm.flight.socket_folder import RunFolder
 from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
+from rsc_swarm.machine.priority import give_way
 from world.outcome import Flown
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
@@ -75,12 +76,8 @@ AgentProcess = Callable[[int, str, Login, str], None]  # agent, endpoint, login,
 
 
 def _agent(agent: int, endpoint: str, login: Login, policy: str) -> None:
-    """A drone's process. It works in bursts, and waking up must not push the world off its core: that is batch scheduling.
-
-    However long the world is silent, it stays: its launcher ends it.
-    """
-    with suppress(OSError):  # not everywhere allowed
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    """A drone's process. However long the world is silent, it stays: its launcher ends it."""
+    give_way()
     gc.set_threshold(100_000)  # a tick leaves no cycles behind
     policy_file.hold()
     answer()

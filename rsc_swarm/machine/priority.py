@@ -1,4 +1,4 @@
-"""A process that must act 100 times a second goes before those that need not, where it may."""
+"""A process that must act 100 times a second goes before those that need not, where it may; one of many on a machine does not."""
 
 import os
 from contextlib import suppress
@@ -13,3 +13,12 @@ def go_first() -> None:
     """
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
+
+
+def give_way() -> None:
+    """From now on this process pushes no other off a core when it wakes up (SCHED_BATCH).
+
+    It is one of many that work in bursts, for a world that they must not keep waiting.
+    """
+    with suppress(OSError):  # not everywhere allowed
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))

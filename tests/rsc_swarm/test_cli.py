@@ -159,6 +159,15 @@ def test_where_the_command_starts_a_foreign_module_is_named_too(tmp_path):
             "agent --agent 0 --connect tcp/10.0.0.1:7447 --credentials pyproject.toml",
             "tcp/10.0.0.1:7447 is plain text, which everybody on the way can read and change: make keys once",
         ),
+        (
+            "agents 0-11 --connect tcp/localhost:1 --credentials-dir /nowhere",
+            "invalid value for '--credentials-dir'",
+        ),
+        (
+            "agents 0-3,2 --connect tcp/localhost:1 --credentials-dir tests",
+            "'0-3,2' names drone 2 twice; name each drone once",
+        ),
+        ("agents 0-3 --connect tcp/10.0.0.1:1 --credentials-dir tests", "tcp/10.0.0.1:1 is plain text"),
         ("world --listen tcp/10.0.0.1:7447 --credentials-dir x", "tcp/10.0.0.1:7447 is plain text"),
         (
             "world --listen tls/10.0.0.1:7447",

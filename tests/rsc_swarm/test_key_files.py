@@ -19,6 +19,7 @@ from rsc_swarm.flight.key_files import (
     make_login_files,
     read_credentials,
     read_login,
+    read_logins,
 )
 
 TLS = "tls/127.0.0.1:7447"
@@ -172,3 +173,23 @@ def test_plain_text_is_only_by_an_explicit_word(folder: Path) -> None:
     assert read_login(folder / "agent-1.json", 1, away, plain_text=True)
     with pytest.raises(PlainTextError, match="plain text"):
         read_login(folder / "agent-1.json", 1, away, plain_text=False)
+
+
+def test_many_drones_find_their_files_in_one_folder(folder: Path) -> None:
+    assert [login.agent for login in read_logins(folder, (2, 0), TLS, plain_text=False)] == [2, 0]
+    with pytest.raises(KeyFileError, match=r"holds the keys of 3 drones, 0 to 2; there is no drone 3$"):
+        read_logins(folder, range(4), TLS, plain_text=False)
+
+
+def test_a_file_that_is_missing_or_of_another_swarm_is_named(folder: Path, tmp_path: Path) -> None:
+    for agent in (0, 1):
+        (tmp_path / f"agent-{agent}.json").write_text((folder / f"agent-{agent}.json").read_text())
+        (tmp_path / f"agent-{agent}.json").chmod(0o600)
+    with pytest.raises(KeyFileError, match=r"/agent-2.json: cannot be read \(No such file or directory\)$"):
+        read_logins(tmp_path, range(3), TLS, plain_text=False)
+    make_key_files(tmp_path / "other", "arrow", 3, ["127.0.0.1"], 9, overwrite=False)
+    (tmp_path / "other" / "agent-2.json").rename(tmp_path / "agent-2.json")
+    with pytest.raises(
+        KeyFileError, match=r"/agent-2.json: is for swarm 'arrow', and that of agent 0 for 'wedge'"
+    ):
+        read_logins(tmp_path, range(3), TLS, plain_text=False)
