@@ -233,6 +233,10 @@ class WorldCore:
             )
         )  # fmt: skip
         self._judgements = [Judgement(mission) for mission in missions]
+        # What a digest is of, world by world: NumPy's own indexing cost more than the hash.
+        digested = (self.position, self.velocity, self.flying, self.claim, self.tally)
+        self._digested = [tuple(array[world] for array in digested) for world in range(worlds)]
+        self._eventful = {fault.at_tick for mission in missions for fault in mission.faults}
         self.outcomes: list[Outcome | None] = [None] * worlds
         self.struck_off: list[list[StruckOff]] = [[] for _ in missions]
         self.by_hand: list[list[Fault]] = [[] for _ in missions]
@@ -264,9 +268,12 @@ class WorldCore:
         mission = faults.with_fault(self.missions[world], {"at_s": at_s, **fields})
         self.missions = (*self.missions[:world], mission, *self.missions[world + 1 :])
         self.by_hand[world].append(mission.faults[-1])
+        self._eventful.add(mission.faults[-1].at_tick)
 
     def begin_tick(self) -> list[faults.Event]:
         """Let the faults due now happen, and say which they were."""
+        if int(self.tick.max()) not in self._eventful:  # which all active worlds are at
+            return []
         events = faults.due(self.missions, self.initial_slots, self.active, self.tick, self._barred)
         for event in events:
             agents = list(event.agents)
@@ -312,18 +319,15 @@ class WorldCore:
 
     def _settle(self) -> list[int]:
         ended: list[int] = []
-        verdicts = self._findings.verdict.tolist()  # tuples: NumPy's own cost more than the rules
+        verdicts, ticks = (
+            self._findings.verdict.tolist(),
+            self.tick.tolist(),
+        )  # NumPy's own cost more than the rules
         for world in np.flatnonzero(self.active).tolist():
-            judgement = self._judgements[world]
-            judgement.digest(
-                self.position[world],
-                self.velocity[world],
-                self.flying[world],
-                self.claim[world],
-                self.tally[world],
-            )
+            judgement, state = self._judgements[world], self._digested[world]
+            judgement.digest(state)
             verdict = referee.Verdict._make(verdicts[world])
-            end = judgement.settle(int(self.tick[world]), verdict, self.position[world])
+            end = judgement.settle(ticks[world], verdict, state[0])
             if end is not None:
                 self.end(world, end)
                 ended.append(world)

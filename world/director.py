@@ -52,6 +52,11 @@ class Director:
         self.core, self._swarm = core, swarm
         cooldown_s = core.missions[0].swap.cooldown_s
         self.invariants = [Invariants(slots, cooldown_s) for slots in core.initial_slots]
+        # Looked at for all worlds at once, which costs what one would: what all drones told of their slots, and who was awake.
+        self._says = np.stack([watch.says for watch in self.invariants])
+        for watch, says in zip(self.invariants, self._says, strict=True):
+            watch.says = says
+        self._awake, self._living = np.zeros(core.shape, np.bool_), [list[int]() for _ in core.missions]
         self.statuses: dict[int, AgentStatus] = {}
         self.clock = 0
         # Frames of each size, per world; 0 counts those who sent nothing.
@@ -103,21 +108,23 @@ class Director:
                 self.statuses[row] = status
             self._discredit(world, discredited)
         awake, claims = core.rows_awake.reshape(core.shape), answers.claim.reshape(core.shape)
+        if (awake != self._awake).any():
+            self._awake, self._living = awake, [np.flatnonzero(world).tolist() for world in awake]
+        wrong = ((claims != self._says) & core.flying).any(axis=1).tolist()
         for world in np.flatnonzero(core.active).tolist():
             watch = self.invariants[world]
-            self._discredit(world, watch.claims(self.clock, claims[world], core.flying[world]))
-            watch.tick(self.clock, np.flatnonzero(awake[world]).tolist(), core.could_know(world))
+            if wrong[world]:
+                self._discredit(world, watch.claims(self.clock, claims[world], core.flying[world]))
+            watch.tick(self.clock, self._living[world], core.could_know(world))
 
     def _discredit(self, world: int, discredited: Discredited) -> None:
         for agent, why in discredited:
             self.strike_off(world * self.core.shape[1] + agent, why)
 
     def _end(self) -> list[int]:
-        core, ended = self.core, []
-        for world in np.flatnonzero(core.active).tolist():
-            if not core.flying[world].any():
-                core.end(world, "all-lost")
-                ended.append(world)
+        ended: list[int] = np.flatnonzero(self.core.active & ~self.core.flying.any(axis=1)).tolist()
+        for world in ended:
+            self.core.end(world, "all-lost")
         return ended
 
     def _close(self, ended: list[int]) -> list[int]:

@@ -50,13 +50,16 @@ class Watched:
 
 
 class Invariants:
-    """Collects the views of N drones as they change."""
+    """Collects the views of N drones as they change.
+
+    says: (N,) the slot that each told of last, or began in.
+    """
 
     def __init__(self, initial_slots: NDArray[np.int16], cooldown_s: float) -> None:
         """Watch a swarm that starts in ``initial_slots`` (N,) and in which a drone pauses ``cooldown_s`` after a swap."""
         agents = len(initial_slots)
         self._everyone = list(range(agents))
-        self._initial, self._says = initial_slots, initial_slots.astype(np.int64)
+        self._initial, self.says = initial_slots, initial_slots.astype(np.int64)
         self._status: dict[int, AgentStatus] = {}
         self._view_of: defaultdict[int, dict[int, bytes]] = defaultdict(dict)  # by digest and drone
         self._told: defaultdict[int, deque[int]] = defaultdict(deque)  # by drone: the digests of its accounts
@@ -92,15 +95,15 @@ class Invariants:
             self._made_lately[agent].append((tick, made))
         self._status[agent] = status
         self._account[agent] = tick, status
-        self._says[agent] = status.slot
+        self.says[agent] = status.slot
         return self._compare(tick, agent, status)
 
     def claims(self, tick: int, claim: NDArray[np.int64], flying: NDArray[np.bool_]) -> Discredited:
         """The slots (N,) that drones say they hold at this tick; returns who of those that fly gave another account of itself."""
-        wrong = np.flatnonzero((claim != self._says) & flying).tolist()
+        wrong = np.flatnonzero((claim != self.says) & flying).tolist()
         return [
             self._discredit(
-                tick, agent, "slots", f"says it holds slot {claim[agent]} and told of {self._says[agent]}"
+                tick, agent, "slots", f"says it holds slot {claim[agent]} and told of {self.says[agent]}"
             )
             for agent in wrong
         ]
@@ -108,7 +111,7 @@ class Invariants:
     def renew(self, agent: int) -> None:
         """This drone begins anew, knowing nothing: its counts and its slot are what they were at the start."""
         self._account.pop(agent, None)
-        self._says[agent] = self._initial[agent]
+        self.says[agent] = self._initial[agent]
 
     def lose(self, agent: int) -> None:
         """What this drone told counts for nothing any more."""

@@ -107,7 +107,7 @@ class Judgement:
         self._held = True
         self._hash = hashlib.blake2b(digest_size=16)
 
-    def digest(self, *state: NDArray[Any]) -> None:
+    def digest(self, state: tuple[NDArray[Any], ...]) -> None:
         """Take what is so after this tick into the digest."""
         for array in state:
             self._hash.update(array.data)

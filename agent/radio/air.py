@@ -47,8 +47,11 @@ class Air:
 
     def pack(self, row: int) -> bytes:
         """The frame as it travels."""
-        loud = self.frames.loud[row]
-        return self._writer.write(row, msgpack.packb(encode(self._notes[row])) if loud else b"")
+        return self._writer.write(row, self._packed_note(row) if self.frames.loud[row] else b"")
+
+    def _packed_note(self, row: int) -> bytes:
+        """What a loud frame carries behind its fixed part and whom it knows of."""
+        return bytes(msgpack.packb(encode(self._notes[row])))
 
     def sizes(self, first: int, sent: NDArray[np.bool_]) -> NDArray[np.int64]:
         """(A,) bytes on the wire of the frames in rows first + r where ``sent`` (A,), else 0."""
@@ -56,5 +59,5 @@ class Air:
         known = self.frames.known_count[rows].astype(np.int64)
         sizes = np.where(sent, FIXED.itemsize + KNOWN_BYTES * known, 0)
         for row in np.flatnonzero(sent & (self.frames.loud[rows] > 0)).tolist():
-            sizes[row] = len(self.pack(first + row))
+            sizes[row] += len(self._packed_note(first + row))
         return sizes

@@ -17,7 +17,7 @@ from protocols.mission.fields import Radio
 from rsc_swarm.campaign.budget import WEATHER, Budget, ready, spoilt
 
 MAPS = 1_000_000  # as many, from there on: none of them is among the maps of the tables
-_WEATHERS = 3  # besides the mission's own, at a time
+_WEATHERS = 1  # besides the mission's own, in one task
 
 Trouble = list[dict[str, Any]]  # faults that belong together, such as freeze and thaw
 
