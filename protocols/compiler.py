@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any, cast
 
 import llvmlite.binding as llvm
+import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.core import compiler
@@ -22,7 +23,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 from numba.np.arrayobj import populate_array
 
-from protocols.machine_code import MachineCode, Result
+from protocols.machine_code import MachineCode, Result, number_kind
 
 # Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
 _RULE = {
@@ -31,6 +32,7 @@ _RULE = {
 _RESULTS = {
     types.none: "none", types.boolean: "bool", types.int64: "int", types.uint64: "uint", types.float64: "float",
 }  # fmt: skip
+_NUMBERS = {name: kind for kind, name in _RESULTS.items()}
 _SYMBOL = "rule"
 
 # What compiled code calls for an array of its own, and when it has done with it. The compiler's own would need the compiler.
@@ -134,7 +136,7 @@ def type_of_rule(function: Callable[..., Any], inlined: bool, allocates: bool) -
 
 def type_of_page(group: tuple[Any, ...]) -> types.Type:
     """The compiler's type of a `protocols.kernels.by_reference` group."""
-    return _Page(typeof(group))
+    return _Page(_type_of(group))
 
 
 class _Page(types.Type):
@@ -217,15 +219,8 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
         numba.core.errors.NumbaError: it is none that can be compiled.
     """
     leaves, call, names = _call_of(given)
-    names["rule"] = rule
-    drafted = _draft(f"return rule({call})", names, leaves)
-    result = _result_of(drafted.signature.return_type)
-    if isinstance(result, tuple):  # they are left where one more argument each points to
-        places = list(_places(drafted.signature.return_type, "result"))
-        ways = "; ".join(f"given.a{len(leaves) + n}[0] = {place}" for n, (place, _) in enumerate(places))
-        out = [types.Array(kind, 1, "C") for _, kind in places]
-        drafted = _draft(f"result = rule({call}); {ways}", names, [*leaves, *out])
-    return MachineCode(_SYMBOL, result, _machine_code(drafted))
+    drafted = _draft(f"return rule({call})", {**names, "rule": rule}, leaves)
+    return MachineCode(_SYMBOL, _result_of(drafted.signature.return_type), _machine_code(drafted))
 
 
 def _result_of(kind: Any) -> Result:
@@ -233,15 +228,6 @@ def _result_of(kind: Any) -> Result:
     if isinstance(kind, types.BaseTuple):
         return tuple(map(_result_of, cast(Any, kind).types))
     return _RESULTS[types.unliteral(kind)]
-
-
-def _places(kind: Any, place: str) -> Iterator[tuple[str, types.Type]]:
-    """Each single result, as an expression, and its type."""
-    if isinstance(kind, types.BaseTuple):
-        for index, part in enumerate(cast(Any, kind).types):
-            yield from _places(part, f"{place}[{index}]")
-    else:
-        yield place, types.unliteral(kind)
 
 
 def _call_of(given: tuple[Any, ...]) -> tuple[list[types.Type], str, dict[str, Any]]:
@@ -264,15 +250,14 @@ def _call_of(given: tuple[Any, ...]) -> tuple[list[types.Type], str, dict[str, A
     return leaves, call, names
 
 
-def _type_of(value: Any) -> types.Type:
-    if isinstance(value, bool):
-        return types.boolean
-    if isinstance(value, int):
-        return types.uint64 if value >= 2**63 else types.int64
-    if isinstance(value, float):
-        return types.float64
-    kind: types.Type = typeof(value)
-    return kind
+def _type_of(value: Any) -> Any:
+    """The compiler's type of what is given."""
+    if isinstance(value, tuple):
+        names = [type(value)] if hasattr(value, "_fields") else []
+        return types.BaseTuple.from_types(list(map(_type_of, value)), *names)
+    if isinstance(value, np.ndarray) or hasattr(value, "_numba_type_"):
+        return typeof(value)
+    return _NUMBERS[number_kind(value)]
 
 
 def _draft(does: str, names: dict[str, Any], leaves: list[types.Type]) -> Any:
@@ -315,12 +300,14 @@ def _machine_code(drafted: Any) -> bytes:
 
 
 def _entry(context: Any, made: Any) -> ir.Module:
-    """The function of C that calls what was compiled, and returns a number, whatever it is worth."""
+    """The function of C that calls what was compiled. It returns a number, whatever it is worth; several are left in memory."""
     module = context.create_module("entry")
     inner = ir.Function(
         module, context.call_conv.get_function_type(made.restype, made.argtypes), made.llvm_func_name
     )
-    pointer, value = context.get_value_type(made.argtypes[0]), context.get_data_type(made.restype)
+    (page,) = made.argtypes
+    pointer, several = context.get_value_type(page), isinstance(made.restype, types.BaseTuple)
+    value = ir.VoidType() if several else context.get_data_type(made.restype)
     entry = ir.Function(module, ir.FunctionType(value, [pointer]), _SYMBOL)
     builder = ir.IRBuilder(entry.append_basic_block())
     status, found = context.call_conv.call_function(builder, inner, made.restype, made.argtypes, entry.args)
@@ -329,5 +316,28 @@ def _entry(context: Any, made: Any) -> ir.Module:
     ):  # there is no room for an array of its own: nothing else goes wrong
         failed = ir.Function(module, ir.FunctionType(pointer, []), "PyErr_NoMemory")
         builder.call(failed, [])
-    builder.ret(context.data_model_manager[made.restype].as_data(builder, found))
+    if not several:
+        builder.ret(_as_data(context, builder, made.restype, found))
+        return module
+    word = context.get_value_type(types.uint64).as_pointer()
+    last = ir.Constant(ir.IntType(64), sum(map(_size, page.group.types)))
+    room = builder.load(builder.gep(builder.bitcast(entry.args[0], word.as_pointer()), [last]))
+    for n, (kind, part) in enumerate(_parts(builder, made.restype, found)):
+        data = _as_data(context, builder, kind, part)
+        place = builder.gep(room, [ir.Constant(ir.IntType(64), n)])
+        builder.store(data, builder.bitcast(place, data.type.as_pointer()))
+    builder.ret_void()
     return module
+
+
+def _parts(builder: Any, kind: Any, found: Any) -> Iterator[tuple[Any, Any]]:
+    """Each single result and its type."""
+    if isinstance(kind, types.BaseTuple):
+        for index, part in enumerate(cast(Any, kind).types):
+            yield from _parts(builder, part, builder.extract_value(found, index))
+    else:
+        yield kind, found
+
+
+def _as_data(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    return context.data_model_manager[types.unliteral(kind)].as_data(builder, value)

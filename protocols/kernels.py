@@ -21,7 +21,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from protocols.kept import Kept, is_ours
-from protocols.machine_code import MachineCode, Result, linked
+from protocols.machine_code import MachineCode, Result, linked, number_kind
 
 _LINKER = "libllvmlite"
 _FORMATS = {"bool": "?7x", "int": "q", "uint": "Q", "float": "d"}  # of 64 bits each, as `struct` has them
@@ -142,14 +142,12 @@ def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...
         return lambda given: function(pack(*_words(given)))
 
     kinds = [_FORMATS[kind] for kind in _flat(result)]
-    pack_all, read = struct.Struct(words + "Qqq" * len(kinds)).pack, struct.Struct("".join(kinds)).unpack
+    pack_all, read = struct.Struct(words + "Q").pack, struct.Struct("".join(kinds)).unpack
     room = ctypes.c_char * (8 * len(kinds))
 
     def form(given: tuple[Any, ...]) -> Any:
         found = room()
-        begin = ctypes.addressof(found)
-        places = [word for at in range(begin, begin + len(found), 8) for word in (at, 1, 8)]
-        function(pack_all(*_words(given), *places))
+        function(pack_all(*_words(given), ctypes.addressof(found)))
         return _shaped(result, iter(read(found)))
 
     return form
@@ -176,24 +174,7 @@ def _kind_of(value: Any) -> Any:
         return value.kind
     if isinstance(value, tuple):
         return type(value), *[_kind_of(part) for part in value]
-    return _number_type(value)
-
-
-def _number_type(value: Any) -> type:
-    kind = type(value)
-    if kind is int:
-        return int if value < 2**63 else np.uint64
-    if kind is float or kind is bool:
-        return kind
-    if isinstance(value, bool | np.bool_):
-        return bool
-    if isinstance(value, np.uint64):
-        return np.uint64
-    if isinstance(value, int | np.integer):
-        return int
-    if isinstance(value, float | np.floating):
-        return float
-    raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {kind.__name__}: {value!r}")
+    return number_kind(value)
 
 
 def _name_of(value: Any) -> str:
@@ -208,7 +189,7 @@ def _name_of(value: Any) -> str:
         names = getattr(value, "_fields", range(len(value)))
         parts = ",".join(f"{name}:{_name_of(part)}" for name, part in zip(names, value, strict=True))
         return f"{type(value).__name__}({parts})"
-    return _number_type(value).__name__
+    return number_kind(value)
 
 
 def _format_of(value: Any) -> str:
@@ -219,8 +200,7 @@ def _format_of(value: Any) -> str:
         return "Q"
     if isinstance(value, tuple):
         return "".join(map(_format_of, value))
-    kind = _number_type(value)
-    return _FORMATS["uint" if kind is np.uint64 else kind.__name__]
+    return _FORMATS[number_kind(value)]
 
 
 def _words(given: tuple[Any, ...]) -> list[Any]:

@@ -6,7 +6,16 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
+import numpy as np
 
+_NUMBERS = {
+    bool: "bool",
+    np.bool_: "bool",
+    np.int64: "int",
+    np.uint64: "uint",
+    float: "float",
+    np.float64: "float",
+}
 _C_TYPES = {
     "none": None, "bool": ctypes.c_bool, "int": ctypes.c_int64, "uint": ctypes.c_uint64, "float": ctypes.c_double,
 }  # fmt: skip
@@ -18,12 +27,29 @@ Result = str | tuple["Result", ...]
 
 class MachineCode(NamedTuple):
     """A compiled rule: an object file, the function in it, and what that returns: none, bool, int, uint or float. Of a tuple of
-    them each is left in 8 bytes of its own, as many arrays at the end of what is given.
+    them each is left in 8 bytes, one after the other; the last word that is given points to the first.
     """
 
     symbol: str
     result: Result
     object: bytes
+
+
+def number_kind(value: object) -> str:
+    """As what a number goes to machine code, in 64 bits: bool, int, uint or float.
+
+    Raises:
+        TypeError: it is none, or needs more.
+    """
+    if kind := _NUMBERS.get(type(value)):
+        return kind
+    if isinstance(value, int | np.integer) and -(2**63) <= value < 2**64:
+        return "int" if value < 2**63 else "uint"
+    if isinstance(value, float | np.float32 | np.float16):
+        return "float"
+    raise TypeError(
+        f"a kernel takes arrays, numbers of 64 bits and tuples of them, not {type(value).__name__}: {value!r}"
+    )
 
 
 @cache

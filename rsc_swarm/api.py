@@ -21,7 +21,7 @@ from protocols.mission.policy_name import from_folder
 from protocols.mission.reading import write_value
 from rsc_swarm.errors import NAMED, error_of
 from rsc_swarm.flight.events import Event, end_told, events_of
-from rsc_swarm.flight.in_process import fly_together
+from rsc_swarm.flight.in_process import fly_in_step
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import FlightReport, report_of
@@ -122,17 +122,15 @@ def simulate(mission: Mission | Sequence[Mission]) -> Flight | list[Flight]:
     flown in step, which is quicker and changes nothing else.
 
     Raises:
-        PolicyError, MissionError, world.field.FieldError: it cannot be flown. KeyboardInterrupt: Ctrl-C.
+        PolicyError, MissionError, world.field.FieldError: it cannot be flown.
     """
     missions = [mission] if isinstance(mission, Mission) else list(mission)
     flights: dict[int, Flight] = {}
     for group in _together(missions):
         recorders = [Recorder(missions[place], world) for world, place in enumerate(group)]
         for place, recorder, flown in zip(
-            group, recorders, fly_together([missions[place] for place in group], recorders), strict=True
+            group, recorders, fly_in_step([missions[place] for place in group], recorders), strict=True
         ):
-            if flown.outcome.failure == "interrupted":
-                raise KeyboardInterrupt
             one = missions[place]
             report = report_of(flown, one, "simulate", "lockstep", _again("simulate", one))
             flights[place] = Flight(one, report, recorder.trajectory)

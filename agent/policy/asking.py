@@ -6,13 +6,12 @@ import signal
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policy.base import NotReturned, Policy, PolicyError, PolicyStuck, Seen
+from agent.policy.base import Policy, PolicyError, Seen
 from agent.policy.policy_file import PREFIX
 from protocols.dynamics import ABSURD_MPS2
 
@@ -68,34 +67,13 @@ def call(method: Callable[..., T], name: str, *arguments: object) -> T:
         raise raised(name, error, method) from error
 
 
-def is_within(frame: FrameType | None) -> bool:
-    """Whether a policy is being asked in this frame of a stack, or further out."""
-    while frame is not None and frame.f_code is not call.__code__:
-        frame = frame.f_back
-    return frame is not None
-
-
 def raised(name: str, error: BaseException, asked: object = None) -> PolicyError:
     """One line for what the policy called ``name`` raised when this class or method of it was ``asked``."""
     if isinstance(error, PolicyError):
         return error
     place = _place(error, asked)
-    if isinstance(error, NotReturned):
-        return PolicyStuck(f"policy {name} did not return: it was stopped{place}")
     text = f": {said}" if (said := _said(error)) else ""
     return PolicyError(f"policy {name} raised {type(error).__name__}{text}{place}")
-
-
-def left_behind(name: str, frame: FrameType | None) -> PolicyStuck:
-    """One line for the policy called ``name`` that has not returned from ``frame``: its own innermost line there."""
-    theirs: list[FrameType] = []
-    while frame is not None and frame.f_code is not call.__code__:
-        theirs.append(frame)
-        frame = frame.f_back
-    asked = theirs if frame else []
-    own = [one for one in asked if one.f_code.co_filename == asked[-1].f_code.co_filename]
-    place = f" at {at(own[0].f_code.co_filename, own[0].f_lineno, own[0].f_code.co_name)}" if own else ""
-    return PolicyStuck(f"policy {name} did not return: it was stopped{place}")
 
 
 def source_of(kind: object) -> str | None:

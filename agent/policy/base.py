@@ -22,10 +22,6 @@ class PolicyStuck(PolicyError):
     exit_code = ExitCode.INTERRUPTED
 
 
-class NotReturned(KeyboardInterrupt):
-    """Raised into a policy that does not return, to leave it."""
-
-
 class Seen:
     """What a policy may look at: one row per hosted drone (a process on a drone hosts one, a simulation many).
 

@@ -93,6 +93,18 @@ def _time(mission: MissionFields) -> None:
         )
 
 
+def _acceleration(mission: MissionFields) -> None:
+    if mission.fly_s is not None:
+        return
+    within, given = needs.limit_ticks(mission) * TICK_S, mission.limits.acceleration_mps2
+    least = needs.least_acceleration_mps2(mission, within)
+    if given < least < math.inf:
+        raise ValueError(
+            f"limits.acceleration_mps2: with {given:g} m/s² no drone that begins behind is beyond the goal line within "
+            f"{within:g} s; give at least {math.ceil(1000 * least) / 1000:g}, or a longer time_limit_s"
+        )
+
+
 def _frame_rate(mission: MissionFields) -> None:
     rate = mission.radio.frame_rate_hz
     every = needs.frame_ticks(rate)
@@ -233,6 +245,7 @@ _CHECKS: tuple[Callable[[MissionFields], None], ...] = (
     _layout,
     _target,
     _time,
+    _acceleration,
     _delays,
     _frame_rate,
     _burst,

@@ -67,13 +67,29 @@ def least_flight_s(mission: MissionFields) -> float:
     Infinite where the target never brings it there. Slots whose drones are killed may stay empty; the rest may be ahead of
     their places by the tolerance of an edge.
     """
+    ahead = mission.edge_tolerance * mission.formation.spacing_m
+    return _when(_goal_m(mission, certain=True) - _rear_m(mission) - ahead, mission.target.speed_mps)
+
+
+def least_acceleration_mps2(mission: MissionFields, within_s: float) -> float:
+    """With less no drone that begins behind can be beyond the goal line ``within_s``: it flies there from a standstill.
+
+    Infinite where it would have to fly faster than drones can.
+    """
+    way = max(0.0, _goal_m(mission, certain=True) - _rear_m(mission) - mission.start.radius_m)
+    speed = mission.limits.speed_mps
+    if way <= speed * within_s / 2:
+        return 2 * way / within_s**2
+    return speed**2 / (2 * (speed * within_s - way)) if way < speed * within_s else math.inf
+
+
+def _rear_m(mission: MissionFields) -> float:
+    """x of the rear slot [m], when those who are killed have left theirs."""
     offsets = sorted(mission.layout.offsets[:, 0].tolist())
     killed = {
         who for fault in mission.faults if fault.kind == "kill" for who in (*fault.agents, *fault.slots)
     }
-    rear = offsets[min(len(killed), len(offsets) - 1)]
-    ahead = mission.edge_tolerance * mission.formation.spacing_m
-    return _when(_goal_m(mission, certain=True) - rear - ahead, mission.target.speed_mps)
+    return float(offsets[min(len(killed), len(offsets) - 1)])
 
 
 def limit_ticks(mission: MissionFields) -> int:

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
 from rsc_swarm.air.folder import event_of, keep, next_folder
 from rsc_swarm.air.judged import rehearse_judging
+from rsc_swarm.flight.apart import try_policy
 from rsc_swarm.flight.key_files import read_fleet_login
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
@@ -90,6 +92,7 @@ def load(plan: Plan) -> None:
     """Load all that a drone of ``plan`` needs in the air and after it."""
     make_room(plan.mission.agents)
     rehearse_judging(plan)
+    try_policy(plan.mission.policy, partial(rehearse, plan.mission))
     rehearse(plan.mission)
     RoomBody(plan, 0, Contacts(0)).fly(0.0, 0.0)
 

@@ -6,6 +6,7 @@ Both tell a service manager that they are ready, and ping its watchdog from the 
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,9 +19,9 @@ from agent.radio.link import AgentLink
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
+from rsc_swarm.flight.apart import try_policy, warm_up
 from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.launch import RunBroken
-from rsc_swarm.flight.simulate import warm_up
 from rsc_swarm.flight.world_process import save_path
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
@@ -97,14 +98,16 @@ def fly_agent(
     """
     refuse_unsealed(login)
     make_room(1)
-    rehearse(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
+    small = parse_mission({"agents": 4, "policy": policy})
+    try_policy(policy, partial(rehearse, small))
+    rehearse(small)  # who leaves before has nothing to lose
     service = Service()
     service.ready(f"looking for the world at {endpoint}")
 
     def tell() -> None:
         on_ready(time.time() - psutil.Process().create_time())
 
-    with leave_when_asked() as leave:
+    with leave_when_asked(patient=False) as leave:
         return take_part(login, endpoint, policy, lambda: service.alive(leave.asked), _JOIN_S, tell)
 
 

@@ -7,7 +7,6 @@ import faulthandler
 import os
 import re
 import signal
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,14 +16,15 @@ from pathlib import Path
 from agent.policy import asking
 from world.outcome import Flown
 
+STDERR = 2
 _ASK = signal.SIGUSR1
 _ANSWER_S = 1.0
 _FRAME = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
 
 
-def answer() -> None:
-    """From now on this process says where it is when it is asked."""
-    faulthandler.register(_ASK, file=sys.stderr, all_threads=True)
+def answer(log: int = STDERR) -> None:
+    """From now on this process says where it is when it is asked: into what is open as ``log``."""
+    faulthandler.register(_ASK, file=log, all_threads=True)
 
 
 def explained(flown: Flown, busy: Mapping[int, str]) -> Flown:

@@ -122,15 +122,6 @@ def flights_at_once(mission: Mission) -> int:
     return max(1, ROWS // mission.agents) if together else 1
 
 
-def warm_up(mission: Mission) -> None:
-    """Load (or on the very first run compile) every kernel that flying ``mission`` needs; what must not be forked stays closed.
-
-    Raises:
-        world.field.FieldError, agent.policy.PolicyError: it cannot be flown.
-    """
-    Simulation([mission.model_copy(update={"faults": ()})], rehearsal=True).tick()
-
-
 def simulate(missions: Sequence[Mission]) -> list[Outcome]:
     """Fly all missions to their ends. They must agree in all but seeds and faults."""
     simulation = Simulation(missions)

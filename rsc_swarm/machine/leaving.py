@@ -28,19 +28,19 @@ _Handler = Callable[[int, FrameType | None], None] | signal.Handlers
 
 
 class Leave:
-    """Whether this process has been asked to leave. Its loop looks at ``asked`` at least every 0.2 s. Answers signals so.
+    """Whether this process has been asked to leave, and whether again. Its loop looks at ``asked`` at least every 0.2 s.
 
-    when_asked: is called too, whenever that is asked: whether it was before, and what was interrupted by it.
+    ``patient``: however often it is asked; if not, the second time ends the process.
     """
 
-    def __init__(self) -> None:
-        self.asked = False
-        self.when_asked: Callable[[bool, FrameType | None], None] | None = None
+    def __init__(self, patient: bool = True) -> None:
+        self.asked = self.again = False
+        self._patient = patient
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        again, self.asked = self.asked, True
-        if self.when_asked:
-            self.when_asked(again, frame)
+        self.again, self.asked = self.asked, True
+        if self.again and not self._patient:
+            _vanish(number, frame)
 
 
 def leave_at_once() -> None:
@@ -74,13 +74,14 @@ def unwind_when_asked() -> Iterator[None]:
 
 
 @contextmanager
-def leave_when_asked() -> Iterator[Leave]:
-    """Within the block signals only ask to leave, however often: what was flown is told and saved first.
+def leave_when_asked(patient: bool = True) -> Iterator[Leave]:
+    """Within the block signals only ask to leave, however often: what was flown is told and saved first. Where there is nothing
+    to save one need not be ``patient``: then the second ends the process, whose policy may not return.
 
     A block within a block is told what the outer one was.
     """
     outer = [answer for answer in map(signal.getsignal, _ASKING) if isinstance(answer, Leave)]
-    leave = outer[0] if outer else Leave()
+    leave = outer[0] if outer else Leave(patient)
     with _answering(leave):
         yield leave
 

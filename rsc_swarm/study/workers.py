@@ -21,6 +21,7 @@ from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
+from rsc_swarm.flight.apart import try_policy
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.machine.leaving import be_worker, nobody_asks
 from rsc_swarm.study.fingerprint import fingerprint
@@ -211,6 +212,7 @@ def _rehearse(mission: Mission, seeds: Seeds) -> None:
     if mission.policy == EXPERT:
         Batch(missions).fly(1)
     else:
+        try_policy(mission.policy, lambda: Simulation(missions, rehearsal=True).tick())
         Simulation(missions, rehearsal=True).tick()
 
 

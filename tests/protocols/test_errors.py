@@ -17,7 +17,6 @@ _INTERNAL = {
     "AccountError",
     "BeaconError",
     "IllegalSwap",
-    "LeftBehind",
     "MessageError",
     "OperatorError",
     "VehicleMessageError",

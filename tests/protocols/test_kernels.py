@@ -5,15 +5,17 @@ import os
 import shutil
 import subprocess
 import sys
+from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from protocols import kept
 from protocols.dynamics import clip_ball
 from protocols.kept import cache_folder, fingerprint, sources_of
-from protocols.kernels import COMPILED, kernel, release_compiler
+from protocols.kernels import COMPILED, by_reference, kernel, release_compiler
 
 ROOT = Path(__file__).resolve().parents[2]
 compiled = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
@@ -272,3 +274,34 @@ def test_the_compilers_memory_is_given_back_and_it_still_compiles():
     release_compiler()
     assert resident_code_kb() < before / 4
     assert kernel(lambda x: x * 2)(3) == 6
+
+
+Pair = namedtuple("Pair", "factor values")
+
+
+@kernel
+def mixed(flag: bool, number: float, count: int, pair: Pair) -> tuple[bool, tuple[float, int], float]:
+    return not flag, (number * 2, count + 1), pair.factor * pair.values[0]
+
+
+@compiled
+@pytest.mark.parametrize(
+    "number", [0.5, np.float64(0.5), np.float32(0.5), np.float16(0.5)], ids=lambda n: type(n).__name__
+)
+@pytest.mark.parametrize("count", [3, np.int64(3), np.int32(3), np.uint8(3)], ids=lambda n: type(n).__name__)
+def test_a_number_is_the_same_to_a_rule_however_narrow_it_is(number: float, count: int) -> None:
+    pair = Pair(number, np.array([8.0]))
+    for given in (pair, by_reference(pair)):
+        assert mixed(True, number, count, given) == (False, (1.0, 4), 4.0)
+        assert mixed(np.False_, number, count, given) == (True, (1.0, 4), 4.0)
+
+
+@compiled
+@pytest.mark.parametrize("value", [2**64, -(2**63) - 1, 1j, np.longdouble(1), None, "1"])
+def test_what_is_no_number_of_64_bits_is_refused(value: object) -> None:
+    for given in (
+        lambda: mixed(True, value, 3, Pair(1.0, np.zeros(1))),
+        lambda: by_reference(Pair(value, np.zeros(1))),
+    ):
+        with pytest.raises(TypeError, match="a kernel takes arrays, numbers of 64 bits"):
+            given()

@@ -194,6 +194,19 @@ def test_a_goal_that_the_target_never_reaches_is_refused() -> None:
     assert parse_mission({"goal_x_m": 1e6, "fly_s": 3600}).ticks == 360_000
 
 
+def test_drones_too_slow_to_get_up_speed_are_refused_with_the_least_that_do() -> None:
+    assert refusal({"limits": {"acceleration_mps2": 0.1}}) == (
+        "limits.acceleration_mps2: with 0.1 m/s² no drone that begins behind is beyond the goal line within 21 s; "
+        "give at least 0.182, or a longer time_limit_s"
+    )
+    for fields in (
+        {"limits": {"acceleration_mps2": 0.182}},
+        {"limits": {"acceleration_mps2": 0.1}, "time_limit_s": 60},
+    ):
+        parse_mission(fields)
+    parse_mission({"limits": {"acceleration_mps2": 0.1}, "fly_s": 3})
+
+
 def test_the_usual_time_grows_with_the_depth_of_the_formation() -> None:
     seconds = {agents: parse_mission({"agents": agents}).ticks / 100 for agents in range(1, 251)}
     assert all(seconds[agents] == 21 for agents in (1, 4, 6, 9, 12, 16, 25, 36, 49))

@@ -1,6 +1,7 @@
 """The public door: what a program gets from ``import rsc_swarm as rs``."""
 
 import shlex
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +26,21 @@ class Still:
 
     def act(self, seen: rs.Seen) -> np.ndarray:
         return np.zeros((len(seen.me), 2))
+
+
+class Bored(Still):
+    """Somebody presses Ctrl-C while it is asked."""
+
+    def act(self, seen: rs.Seen) -> np.ndarray:
+        if seen.tick == 3:
+            signal.raise_signal(signal.SIGINT)
+        return super().act(seen)
+
+
+def test_ctrl_c_leaves_flights_as_it_leaves_whatever_python_does():
+    for missions in (rs.mission(policy=Bored), [rs.mission(policy=Bored, seed=seed) for seed in range(2)]):
+        with pytest.raises(KeyboardInterrupt):
+            rs.simulate(missions)
 
 
 def test_the_door_opens_only_when_somebody_comes():

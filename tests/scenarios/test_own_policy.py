@@ -88,28 +88,55 @@ def test_what_was_flown_before_a_policy_raised_is_kept(folder: Path) -> None:
         assert len(saved["positions"]) == 61
 
 
-@pytest.mark.parametrize(
-    "hangs",
-    ["while True: pass", "import time; time.sleep(1e6)", "import numba; numba.njit(spin)(1)"],
-    ids=["loop", "sleep", "compiled"],
-)
-def test_ctrl_c_names_a_policy_that_does_not_return(folder: Path, hangs: str) -> None:
+HANGS = {
+    "loop": "while True: pass",
+    "sleep": "import time; time.sleep(1e6)",
+    "compiled": "import numba; numba.njit(spin)(1)",
+}
+
+
+def stopped(folder: Path, at: int, hangs: str, *words: str) -> list[str]:
+    """Ctrl-C as soon as the policy is at tick ``at``, from which it does not return; the last lines of what is said."""
     told = "print('in it', flush=True)\n            "
     spin = "\n\ndef spin(turns):\n    while turns > 0:\n        turns += 1\n"
-    (folder / "homing.py").write_text(POLICY.format(at=7, does=told + hangs) + spin)
-    words = ["simulate", "-n", "3", "--policy", "homing.py:Homing", "--run-dir", "run"]
+    (folder / "homing.py").write_text(POLICY.format(at=at, does=told + HANGS[hangs]) + spin)
     with subprocess.Popen(
-        [sys.executable, "-m", "rsc_swarm.cli.main", *words], cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-m", "rsc_swarm.cli.main", *words, "-n", "3", "--policy", "homing.py:Homing"],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as run:  # fmt: skip
         assert run.stdout
         assert run.stdout.readline() == "in it\n"
         run.send_signal(signal.SIGINT)
         _, errors = run.communicate(timeout=60)
-    assert run.returncode == 130
-    line = "rsc-swarm: policy homing.py:Homing did not return: it was stopped at homing.py:12 (act)"
-    assert errors.splitlines()[-1] == line
+    assert run.returncode == 130, errors
+    return errors.splitlines()
+
+
+STUCK = "rsc-swarm: policy homing.py:Homing did not return: it was stopped at homing.py:12 (act)"
+
+
+@pytest.mark.parametrize("hangs", HANGS)
+def test_ctrl_c_names_a_policy_that_does_not_return_and_keeps_what_was_flown(
+    folder: Path, hangs: str
+) -> None:
+    assert stopped(folder, 7, hangs, "simulate", "--run-dir", "run")[-1] == STUCK
     assert json.loads((folder / "run" / "report.json").read_text())["ticks"] == 7
+    with np.load(folder / "run" / "trajectory.npz") as saved:
+        assert len(saved["positions"]) == 8
+
+
+@pytest.mark.parametrize("verb", ["simulate", "launch", "evaluate --maps 2"])
+def test_ctrl_c_leaves_a_policy_that_does_not_return_from_its_first_tick(folder: Path, verb: str) -> None:
+    assert stopped(folder, 0, "compiled", *verb.split())[-1] == STUCK
+
+
+def test_a_policy_that_ends_its_process_is_named_and_what_was_flown_is_kept(folder: Path) -> None:
+    (folder / "homing.py").write_text(POLICY.format(at=60, does="import os; os.kill(os.getpid(), 11)"))
+    said = swarm(folder, "simulate", "-n", "3", "--policy", "homing.py:Homing", "--json", "r.json")
+    assert said.returncode == 2
+    line = "rsc-swarm: policy homing.py:Homing: the process in which it flew was ended by SIGSEGV"
+    assert said.stderr.splitlines()[-1] == line
+    assert json.loads((folder / "r.json").read_text())["ticks"] == 60
 
 
 def test_a_launch_names_the_policy_in_which_a_drone_is_lost(folder: Path) -> None:

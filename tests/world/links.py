@@ -23,13 +23,18 @@ CREDENTIALS, LOGINS = make_keys(SWARM, 3, ["127.0.0.1"], 1, datetime.now(UTC))
 
 @contextmanager
 def intruder(
-    endpoint: str, login: Login | None, mode: str = "client", set_up: dict[str, Any] | None = None
+    endpoint: str,
+    login: Login | None,
+    mode: str = "client",
+    set_up: dict[str, Any] | None = None,
+    patience_s: float = PATIENCE_S,
 ) -> Iterator[zenoh.Session]:
+    """Whoever is to be refused needs no long ``patience_s``."""
     settings: dict[str, Any] = {
         **(set_up or {}),
         "mode": mode,
         "connect/endpoints": [endpoint],
-        "connect/timeout_ms": 500,
+        "connect/timeout_ms": round(1000 * patience_s),
         "connect/exit_on_failure": True,
         "listen/endpoints": [],
         "scouting/multicast/enabled": False,
@@ -55,8 +60,12 @@ def speak(world: WorldLink, session: zenoh.Session, agent: int, words: bytes) ->
         message = world.receive(0.1)
         assert message is None or (message[0] == agent and message[1] != b"spoofed")
         if message == (agent, words):
-            return
-    raise AssertionError("the world does not hear even what it may hear")
+            break
+    else:
+        raise AssertionError("the world does not hear even what it may hear")
+    session.put(keys.tx(SWARM, agent), b"that is all")
+    while (message := world.receive(PATIENCE_S)) != (agent, b"that is all"):
+        assert message == (agent, words)
 
 
 def drain(subscriber: Any, until: bytes | None = None) -> list[tuple[str, bytes]]:

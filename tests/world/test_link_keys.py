@@ -202,7 +202,11 @@ def test_a_certificate_and_anothers_password_are_worth_nothing(endpoint: str) ->
 
 def test_without_a_certificate_nobody_gets_in(endpoint: str) -> None:
     bare = replace(TODAY.logins[1], certificates=None)
-    with WorldLink(TODAY.world, [endpoint]), pytest.raises(zenoh.ZError), intruder(endpoint, bare):
+    with (
+        WorldLink(TODAY.world, [endpoint]),
+        pytest.raises(zenoh.ZError),
+        intruder(endpoint, bare, patience_s=0.5),
+    ):
         pass
 
 
@@ -216,7 +220,11 @@ def test_a_drone_cannot_pose_as_the_world(endpoint: str, monkeypatch: pytest.Mon
 
 def test_the_world_cannot_pose_as_a_drone(endpoint: str) -> None:
     false = replace(TODAY.logins[1], certificates=TODAY.world.certificates)
-    with WorldLink(TODAY.world, [endpoint]), pytest.raises(zenoh.ZError), intruder(endpoint, false):
+    with (
+        WorldLink(TODAY.world, [endpoint]),
+        pytest.raises(zenoh.ZError),
+        intruder(endpoint, false, patience_s=0.5),
+    ):
         pass
 
 

@@ -211,7 +211,7 @@ def test_a_wrong_login_does_not_get_in(world: WorldLink, endpoint: str, wrong: d
 
 
 def test_without_a_login_nobody_gets_in(world: WorldLink, endpoint: str) -> None:
-    with pytest.raises(zenoh.ZError), intruder(endpoint, None):
+    with pytest.raises(zenoh.ZError), intruder(endpoint, None, patience_s=0.5):
         pass
 
 

@@ -127,7 +127,7 @@ def _write_time(axes: Any, path: Trajectory, tick: int) -> None:
         at_goal = abs(middle - path.goal_x) < _APART_M  # beside the line then, not on it
         axes.annotate(
             f"{tick * path.tick_s:.{2 if 0 < tick * path.tick_s < 0.1 else 1}f} s",
-            (middle, 1.0), (-6 if at_goal else 0, -4), xycoords=("data", "axes fraction"),
+            (path.goal_x if at_goal else middle, 1.0), (-6 if at_goal else 0, -4), xycoords=("data", "axes fraction"),
             textcoords="offset points", ha="right" if at_goal else "center", va="top", color=ROCK, fontsize=10,
             path_effects=halo("white", 4),
         )  # fmt: skip
