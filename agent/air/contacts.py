@@ -57,7 +57,7 @@ class Contacts:
         self._echoes: dict[
             int, tuple[float, float]
         ] = {}  # by whom: how late this one comes to it [s], heard when
-        self._ahead: deque[tuple[float, float]] = deque()  # when, this clock minus the others
+        self._ahead: deque[tuple[float, float]] = deque()  # when, this clock minus the others, as in a window
         self._waiting: list[tuple[Beacon, bytes]] = []  # frames of ticks that are not past yet here
 
     def hear(self, beacon: Beacon, frame: bytes, utc_us: int, now: float) -> None:
@@ -113,10 +113,13 @@ class Contacts:
             if now - at < fresh_s and (least := self._clocks[who].least(now)) is not None
         ]
         if ahead:
-            self._ahead.append((now, statistics.median(ahead)))
+            off = statistics.median(ahead)
+            while self._ahead and abs(self._ahead[-1][1]) > abs(off):
+                self._ahead.pop()
+            self._ahead.append((now, off))
         while self._ahead and now - self._ahead[0][0] > _CLOCK_WINDOW_S:
             self._ahead.popleft()
-        return min((off for _, off in self._ahead), key=abs, default=None)
+        return self._ahead[0][1] if self._ahead else None
 
     def movers(self, now: float) -> tuple[Mover, ...]:
         """Those in the air, or silent since they were, moved on to now."""

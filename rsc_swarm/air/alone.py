@@ -2,7 +2,6 @@
 
 import sys
 import time
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,13 +16,13 @@ from agent.air.peers import AirLink, name_of
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
 from agent.air.vehicle import Failsafe, Rig, make_vehicle
-from agent.process import rehearse, seals_of
+from agent.process import seals_of
 from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
 from rsc_swarm.air.folder import event_of, keep, next_folder
 from rsc_swarm.air.judged import rehearse_judging
-from rsc_swarm.flight.apart import try_policy
 from rsc_swarm.flight.key_files import read_fleet_login
+from rsc_swarm.flight.warm_up import warm_up_drone
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.priority import go_first
@@ -92,8 +91,7 @@ def load(plan: Plan) -> None:
     """Load all that a drone of ``plan`` needs in the air and after it."""
     make_room(plan.mission.agents)
     rehearse_judging(plan)
-    try_policy(plan.mission.policy, partial(rehearse, plan.mission))
-    rehearse(plan.mission)
+    warm_up_drone(plan.mission)
     RoomBody(plan, 0, Contacts(0)).fly(0.0, 0.0)
 
 

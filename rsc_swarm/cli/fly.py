@@ -14,10 +14,10 @@ from rsc_swarm.cli.app import Clock, FlightOptions
 from rsc_swarm.cli.mcap_output import McapOutput
 from rsc_swarm.cli.output import JsonOutput
 from rsc_swarm.errors import line_of
-from rsc_swarm.flight.apart import warm_up
 from rsc_swarm.flight.provenance import provenance
 from rsc_swarm.flight.report import FlightReport, agents_text, report_of
 from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.flight.warm_up import warm_up
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.options import MissionOptions, command_line, resolve, with_faults
 from rsc_swarm.show.render import plain, render, show

@@ -15,13 +15,13 @@ import psutil
 
 from agent.body.relayed import Ending
 from agent.policy import policy_file
-from agent.process import rehearse
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import parse_mission
 from protocols.wire.keys import user
 from protocols.wire.login import Login
 from rsc_swarm.flight.alone import refuse_unsealed, take_part
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
+from rsc_swarm.flight.warm_up import warm_up_drone
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.priority import give_way
@@ -69,7 +69,7 @@ def fly_agents(
     for login in logins:
         refuse_unsealed(login)
     make_room(len(logins))
-    rehearse(parse_mission({"agents": 4, "policy": policy}))
+    warm_up_drone(parse_mission({"agents": 4, "policy": policy}))
     service, said = Service(), _Said()
     with leave_when_asked() as leave, Supervisor(_GRACE_S) as supervisor:
         for login in logins:

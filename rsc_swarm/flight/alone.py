@@ -6,7 +6,6 @@ Both tell a service manager that they are ready, and ping its watchdog from the 
 
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,14 +13,14 @@ import psutil
 
 from agent.body.relayed import Ending
 from agent.policy import PolicyError
-from agent.process import fly, rehearse
+from agent.process import fly
 from agent.radio.link import AgentLink
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from rsc_swarm.flight.apart import try_policy, warm_up
 from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.launch import RunBroken
+from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
 from rsc_swarm.flight.world_process import save_path
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
@@ -98,9 +97,7 @@ def fly_agent(
     """
     refuse_unsealed(login)
     make_room(1)
-    small = parse_mission({"agents": 4, "policy": policy})
-    try_policy(policy, partial(rehearse, small))
-    rehearse(small)  # who leaves before has nothing to lose
+    warm_up_drone(parse_mission({"agents": 4, "policy": policy}))  # who leaves before has nothing to lose
     service = Service()
     service.ready(f"looking for the world at {endpoint}")
 

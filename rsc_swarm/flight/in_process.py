@@ -11,7 +11,7 @@ import numpy as np
 from agent.policy.base import PolicyError
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from rsc_swarm.flight.apart import flown_by
+from rsc_swarm.flight.drones_apart import flown_by
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.machine.leaving import leave_when_asked
 from world.outcome import Flown

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,15 @@ from typing import Any
 import psutil
 
 from agent.policy import PolicyError, policy_file
-from agent.process import fly, rehearse
+from agent.process import fly
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission
 from protocols.wire.login import Login
-from rsc_swarm.flight.apart import try_policy, warm_up
 from rsc_swarm.flight.busy import answer, busy_at, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
 from rsc_swarm.flight.socket_folder import RunFolder
+from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
 from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
@@ -299,8 +298,7 @@ def launch(
     """
     make_room(mission.agents)
     warm_up(mission)
-    try_policy(mission.policy, partial(rehearse, mission))
-    rehearse(mission)
+    warm_up_drone(mission)
     logs = run_dir / "logs" if run_dir else None
     if logs:
         logs.mkdir(exist_ok=True)

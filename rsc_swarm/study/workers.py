@@ -21,8 +21,8 @@ from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.expert import EXPERT, fly_expert
-from rsc_swarm.flight.apart import try_policy
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
+from rsc_swarm.flight.warm_up import try_policy
 from rsc_swarm.machine.leaving import be_worker, nobody_asks
 from rsc_swarm.study.fingerprint import fingerprint
 from rsc_swarm.study.machines import Crew

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from protocols.mission.document import parse_mission
-from rsc_swarm.flight.apart import warm_up
 from rsc_swarm.flight.simulate import simulate
+from rsc_swarm.flight.warm_up import warm_up
 from tests.scenarios.machines import GOOD, WORLD, Fields, begin, keys_for
 from tests.scenarios.wires import Rules, Wires, why_not
 

@@ -14,7 +14,7 @@ import pytest
 from tests.scenarios.flights import Fields, Launcher
 
 # Never at its goal, so that it is in the air whenever the test strikes.
-ENDLESS: Fields = {"agents": 6, "goal_x_m": 1e6, "fly_s": 3600, "obstacles": {"discs": []}}
+ENDLESS: Fields = {"agents": 3, "goal_x_m": 1e6, "fly_s": 3600, "obstacles": {"discs": []}}
 LONG: Fields = {**ENDLESS, "fly_s": 10}
 NOTHING_LEFT_S = 20.0  # only what fails takes so long
 
@@ -27,7 +27,7 @@ def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Field
         launcher = Launcher(fields, tmp_path_factory.mktemp("run"))
         begun.append(launcher)
         launcher.await_tick(50)
-        assert sorted(launcher.children) == [*(f"agent-{agent}" for agent in range(6)), "world"]
+        assert sorted(launcher.children) == [*(f"agent-{agent}" for agent in range(3)), "world"]
         assert any(name.startswith("rsc-swarm-run-") for name in launcher.remains())
         return launcher
 
@@ -44,13 +44,13 @@ def last_event(flight: Launcher) -> Fields:
 def test_a_drone_that_is_killed_breaks_the_run_and_is_named(launch: Callable[[Fields], Launcher]) -> None:
     """... and the others fly on to the end."""
     flight = launch(LONG)
-    pid = flight.children["agent-4"].pid
-    flight.hit("agent-4")
+    pid = flight.children["agent-2"].pid
+    flight.hit("agent-2")
     code, said = flight.end(within_s=60)
     assert code == 3
     assert re.fullmatch(
-        rf"broken: agent 4 was lost at t = [\d.]+ s without the mission's doing: its process \({pid}\) was ended by SIGKILL. "
-        r"Those who were left: not in formation beyond the goal line within 10.00 s: .*, lost agent 4",
+        rf"broken: agent 2 was lost at t = [\d.]+ s without the mission's doing: its process \({pid}\) was ended by SIGKILL. "
+        r"Those who were left: not in formation beyond the goal line within 10.00 s: .*, lost agent 2",
         said[-1],
     )
     assert flight.is_gone_within(NOTHING_LEFT_S)
@@ -79,7 +79,7 @@ def test_when_all_drones_are_killed_nobody_calls_it_a_failure_of_the_controller(
     launch: Callable[[Fields], Launcher],
 ) -> None:
     flight = launch(ENDLESS)
-    for agent in range(6):
+    for agent in range(3):
         flight.hit(f"agent-{agent}")
     code, said = flight.end(within_s=60)
     assert (code, "was ended by SIGKILL" in said[-1]) == (3, True)
@@ -140,7 +140,7 @@ def test_a_finished_flight_leaves_its_logs_its_path_and_nothing_else(
     run: Path = flight.here / "run"
     assert (run / "trajectory.npz").stat().st_size > 0
     assert sorted(path.name for path in (run / "logs").iterdir()) == [
-        *(f"agent-{agent}.log" for agent in range(6)),
+        *(f"agent-{agent}.log" for agent in range(3)),
         "world.log",
     ]
-    assert (run / "logs" / "agent-3.log").read_text() == "agent 3: the flight is over\n"
+    assert (run / "logs" / "agent-1.log").read_text() == "agent 1: the flight is over\n"

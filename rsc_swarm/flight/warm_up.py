@@ -1,0 +1,57 @@
+"""Everything that a flight needs is loaded, or compiled, before it begins.
+
+A policy of one's own is tried apart first (rsc_swarm.flight.apart): one that does not return from its first tick can be ended.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+
+from agent.process import rehearse
+from protocols.mission.document import Mission
+from rsc_swarm.flight.apart import Apart, is_own
+from rsc_swarm.flight.drones_apart import flown_by
+from rsc_swarm.machine.leaving import Leave, leave_when_asked
+
+
+def warm_up(mission: Mission) -> None:
+    """Load (or on the very first run compile) every kernel that flying ``mission`` needs; what must not be forked stays closed.
+
+    Raises:
+        world.field.FieldError, PolicyError: it cannot be flown. KeyboardInterrupt: asked to leave meanwhile.
+    """
+    with (
+        _may_leave() as leave,
+        flown_by(mission.model_copy(update={"faults": ()}), leave, True) as (director, _),
+    ):
+        director.tick()
+
+
+def warm_up_drone(mission: Mission) -> None:
+    """The same for what a drone's own process needs.
+
+    Raises:
+        PolicyError: it cannot be flown. KeyboardInterrupt: asked to leave meanwhile.
+    """
+    try_policy(mission.policy, partial(rehearse, mission))
+    rehearse(mission)
+
+
+def try_policy(policy: str, work: Callable[[], object]) -> None:
+    """Do this work where it can be left, if it is that of somebody's own policy, before this process does it.
+
+    Raises:
+        PolicyError, KeyboardInterrupt: as `Apart`; and whatever ``work`` raises.
+    """
+    if is_own(policy):
+        with _may_leave() as leave, Apart(work, policy, leave):
+            pass
+
+
+@contextmanager
+def _may_leave() -> Iterator[Leave]:
+    """As leave_when_asked, where there is nothing to tell or keep yet."""
+    with leave_when_asked() as leave:
+        yield leave
+    if leave.asked:
+        raise KeyboardInterrupt
