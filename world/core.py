@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.dynamics import TICK_S, target_x
-from protocols.kernels import by_reference, inlined_kernel, kernel
-from protocols.mission.document import Mission
+from protocols.dynamics import TICK_S
+from protocols.kernels import by_reference
+from protocols.mission.document import Mission, MissionError
 from protocols.mission.fault import Fault
-from protocols.wire.sensed import MAX_OBSTACLES, Sensed, empty_sensed
+from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
 from protocols.wire.status import AgentStatus
-from world import faults, field, referee
+from world import faults, field, referee, tick
 from world import plant as physics
 from world.medium import information_bound as information_bound
 from world.medium import medium
@@ -49,101 +49,12 @@ class Inbox(NamedTuple):
     arrived: NDArray[np.int32]
 
 
-class _Stage(NamedTuple):
-    """Everything that the rules of a tick work on, of E worlds.
-
-    responsive, hears: (E, N) who answers; whose radio is on now. claim: (E, N) slots. target: (E,) x of the virtual target [m],
-    target_mps its speed. acceleration_mps2, speed_mps: the limits of all drones. reach_m: of their sensors. sizes: (E, D, N)
-    bytes of the frames sent, by tick % D. bound: of no worlds where nothing can go wrong. The rest as its class says, and as
-    `medium.relay` and `medium.deliver` do.
-    """
-
-    clocks: medium.Clocks
-    responsive: NDArray[np.bool_]
-    hears: NDArray[np.bool_]
-    claim: NDArray[np.int16]
-    target: NDArray[np.float64]
-    target_mps: float
-    bodies: physics.Bodies
-    ground: physics.Ground
-    acceleration_mps2: float
-    speed_mps: float
-    reach_m: float
-    neighbours_sensed: bool
-    sensed: Sensed
-    link: medium.Link
-    air: medium.Air
-    bad: NDArray[np.bool_]
-    queue: medium.Queue
-    tally: NDArray[np.int64]
-    sizes: NDArray[np.int64]
-    inbox_start: NDArray[np.int64]
-    inbox: NDArray[np.int32]
-    standard: referee.Standard
-    findings: referee.Findings
-    bound: information_bound.InformationBound
-
-
-@kernel
-def _perceive(stage: _Stage) -> int:
-    """Let all sense and hear; return how many frames arrive."""
-    active, bodies, hears = stage.clocks.active, stage.bodies, stage.hears
-    physics.sense(active, bodies, stage.ground, stage.reach_m, stage.neighbours_sensed, stage.sensed)
-    for world in range(hears.shape[0]):
-        for agent in range(hears.shape[1]):
-            hears[world, agent] = stage.responsive[world, agent] and bodies.flying[world, agent]
-    start, inbox = stage.inbox_start, stage.inbox
-    total = medium.deliver(
-        stage.clocks.ticks, active, hears, stage.sizes, stage.queue, stage.tally, start, inbox
-    )
-    if stage.bound.latest.shape[0] > 0:
-        information_bound.spread(stage.bound, stage.clocks.ticks, active, start, inbox)
-    return total
-
-
-@kernel
-def _advance(
-    command: NDArray[np.float64], sent_bytes: NDArray[np.int64], claim: NDArray[np.int64], stage: _Stage
-) -> None:
-    """Take the answers, relay what was said, move, go on to the next tick, and judge."""
-    clocks, bodies = stage.clocks, stage.bodies
-    _take_answers(command, sent_bytes, claim, stage)
-    medium.relay(stage.link, clocks, stage.air, stage.bad, stage.queue, stage.tally)
-    physics.move(clocks.active, bodies, stage.acceleration_mps2, stage.speed_mps, TICK_S)
-    for world in range(clocks.active.shape[0]):
-        if clocks.active[world]:
-            clocks.ticks[world] += 1
-            stage.target[world] = target_x(clocks.ticks[world], stage.target_mps)
-    referee.judge(
-        clocks.active, bodies, stage.claim, stage.ground, stage.target, stage.standard, stage.findings
-    )
-
-
-@inlined_kernel
-def _take_answers(
-    command: NDArray[np.float64], sent_bytes: NDArray[np.int64], claim: NDArray[np.int64], stage: _Stage
-) -> None:
-    """Take over, from rows, what those said that are awake; the others' commands and claims stay, and they sent nothing."""
-    flying, commands, sent, sizes = (
-        stage.bodies.flying,
-        stage.bodies.command,
-        stage.air.sent_bytes,
-        stage.sizes,
-    )
-    worlds, agents = flying.shape
-    for world in range(worlds):
-        bucket = stage.clocks.ticks[world] % sizes.shape[1]
-        for agent in range(agents):
-            row = world * agents + agent
-            awake = stage.responsive[world, agent] and flying[world, agent]
-            sizes[world, bucket, agent] = sent[world, agent] = sent_bytes[row] if awake else 0
-            if awake:
-                commands[world, agent, 0], commands[world, agent, 1] = command[row, 0], command[row, 1]
-                stage.claim[world, agent] = claim[row]
-
-
 class WorldCore:
-    """The state of E worlds of N drones and the rules that move it."""
+    """The state of E worlds of N drones and the rules that move it.
+
+    active: (E,) worlds in which is flown. decided: (E,) those whose flight is decided; they are flown on only while the other of
+    the two successes is open (world.outcome). counted: (E, ...) their tally at the decision.
+    """
 
     def __init__(self, missions: Sequence[Mission], watched: bool = False) -> None:
         """Lay out the fields of ``missions``, which must agree in all but seeds and faults.
@@ -196,7 +107,7 @@ class WorldCore:
         )
         limits, layout = first.limits, self.layout
         self._stage = by_reference(
-            _Stage(
+            tick.Stage(
                 medium.Clocks(
                     np.array([mission.seed for mission in missions], np.int64), self.tick, self.active
                 ),
@@ -237,6 +148,8 @@ class WorldCore:
         digested = (self.position, self.velocity, self.flying, self.claim, self.tally)
         self._digested = [tuple(array[world] for array in digested) for world in range(worlds)]
         self._eventful = {fault.at_tick for mission in missions for fault in mission.faults}
+        self.decided = np.zeros(worlds, np.bool_)
+        self.counted, self._left = self.tally.copy(), self.flying.copy()  # when that was
         self.outcomes: list[Outcome | None] = [None] * worlds
         self.struck_off: list[list[StruckOff]] = [[] for _ in missions]
         self.by_hand: list[list[Fault]] = [[] for _ in missions]
@@ -264,6 +177,8 @@ class WorldCore:
         Raises:
             protocols.mission.document.MissionError: it would have no effect, or there is no such fault.
         """
+        if self.decided[world]:
+            raise MissionError("by hand: the flight is decided, and no fault counts any more")
         at_s = round(int(self.tick[world]) * TICK_S, 2)
         mission = faults.with_fault(self.missions[world], {"at_s": at_s, **fields})
         self.missions = (*self.missions[:world], mission, *self.missions[world + 1 :])
@@ -274,7 +189,8 @@ class WorldCore:
         """Let the faults due now happen, and say which they were."""
         if int(self.tick.max()) not in self._eventful:  # which all active worlds are at
             return []
-        events = faults.due(self.missions, self.initial_slots, self.active, self.tick, self._barred)
+        going_on = self.active & ~self.decided
+        events = faults.due(self.missions, self.initial_slots, going_on, self.tick, self._barred)
         for event in events:
             agents = list(event.agents)
             faults.strike(event, self.condition, self.velocity, self.command)
@@ -293,7 +209,8 @@ class WorldCore:
         """Take a drone out of the air for good, without the mission's doing; False if it flies no more."""
         if not self.flying[world, agent]:
             return False
-        self.struck_off[world].append(StruckOff(agent, round(int(self.tick[world]) * TICK_S, 2), why))
+        if not self.decided[world]:
+            self.struck_off[world].append(StruckOff(agent, round(int(self.tick[world]) * TICK_S, 2), why))
         self.land(world, agent)
         return True
 
@@ -305,19 +222,20 @@ class WorldCore:
 
     def perceive(self) -> Inbox:
         """Fill ``sensed`` with what every flying drone of an active world senses now; return what they hear."""
-        total = _perceive(self._stage)
+        total = tick.perceive(self._stage)
         return Inbox(self.inbox_start, self.inbox[:total])
 
     def could_know(self, world: int) -> NDArray[np.int32] | None:
         """(N, N): of which tick of drone j (column) drone i could know by now; None in a mission without faults."""
         return self._bound.latest[world] if len(self._bound.latest) else None
 
-    def advance(self, answers: Answers) -> list[int]:
-        """Move all worlds by one tick; return those whose flight has just ended."""
-        _advance(answers.command, answers.sent_bytes, answers.claim, self._stage)
-        return self._settle()
+    def advance(self, answers: Answers, agreed: Sequence[bool] | None = None) -> list[int]:
+        """Move all worlds by one tick; return those whose flight has just ended. ``agreed``: (E,) whether all living drones have
+        one view of the slots; None: they do."""
+        tick.advance(answers.command, answers.sent_bytes, answers.claim, self._stage)
+        return self._settle(agreed or [True] * len(self.missions))
 
-    def _settle(self) -> list[int]:
+    def _settle(self, agreed: Sequence[bool]) -> list[int]:
         ended: list[int] = []
         verdicts, ticks = (
             self._findings.verdict.tolist(),
@@ -327,15 +245,25 @@ class WorldCore:
             judgement, state = self._judgements[world], self._digested[world]
             judgement.digest(state)
             verdict = referee.Verdict._make(verdicts[world])
-            end = judgement.settle(ticks[world], verdict, state[0])
-            if end is not None:
-                self.end(world, end)
+            judgement.settle(ticks[world], verdict, state[0], agreed[world])
+            if judgement.decision is not None and not self.decided[world]:
+                self._decide(world, judgement.decision)
+            if judgement.over:
+                self.end(world, str(judgement.decision))
                 ended.append(world)
         return ended
 
+    def _decide(self, world: int, decision: str) -> None:
+        """What is so now is how the flight ended, whatever comes after."""
+        self.decided[world] = True
+        self.counted[world], self._left[world] = self.tally[world], self.flying[world]
+        self.outcomes[world] = self._settled(world, decision)
+
     def end(self, world: int, failure: str) -> None:
-        """End a flight; from outside, for example when it was interrupted or nobody is left."""
+        """End a flight; from outside, for example when it was interrupted or nobody is left. What was decided before stays so."""
         self.active[world] = False
+        if not self.decided[world]:
+            self._decide(world, failure)
         self.outcomes[world] = self._settled(world, failure)
 
     def outcome(self, world: int) -> Outcome:
@@ -343,4 +271,5 @@ class WorldCore:
         return self.outcomes[world] or self._settled(world, "interrupted")
 
     def _settled(self, world: int, failure: str) -> Outcome:
-        return self._judgements[world].outcome(int(self.tick[world]), failure, self.flying[world])
+        flying = self._left if self.decided[world] else self.flying
+        return self._judgements[world].outcome(int(self.tick[world]), failure, flying[world])

@@ -20,7 +20,7 @@ from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
 from world.failsafe import CommandAges
 from world.faults import Event
-from world.invariants import Discredited, Invariants
+from world.invariants import Discredited, Invariants, Watched
 from world.medium.medium import TALLY
 from world.outcome import Flown, Outcome, as_broken
 
@@ -62,6 +62,9 @@ class Director:
         # Frames of each size, per world; 0 counts those who sent nothing.
         self._sizes = np.zeros((core.shape[0], MAX_FRAME_BYTES + 2), np.int64)
         self._world_of = np.repeat(np.arange(core.shape[0]), core.shape[1])
+        self._seen: dict[
+            int, tuple[np.ndarray, Watched]
+        ] = {}  # sizes and what was watched, when it was decided
 
     def tick(self) -> list[int]:
         """Fly one tick in every active world; return the worlds whose flight has just ended."""
@@ -79,9 +82,13 @@ class Director:
         self._watch(answers)
         sizes = np.minimum(answers.sent_bytes, self._sizes.shape[1] - 1)
         np.add.at(self._sizes, (self._world_of, sizes), 1)
-        ended = core.advance(answers)
+        ended = core.advance(answers, [watch.one_view for watch in self.invariants])
         self.clock += 1
-        return self._close(ended + self._end())
+        ended += self._end()
+        for world in np.flatnonzero(core.decided).tolist():
+            if world not in self._seen:
+                self._seen[world] = self._sizes[world].copy(), self.invariants[world].result()
+        return self._close(ended)
 
     def strike_off(self, row: int, why: str) -> None:
         """Take the drone of this row out of its flight without the mission's doing, and let the others fly on."""
@@ -137,7 +144,11 @@ class Director:
         outcome = self.core.outcome(world)
         if outcome.failure == "broken":
             return outcome
-        return as_broken(outcome, tuple(self.core.struck_off[world]), self.invariants[world].result().breach)
+        return as_broken(outcome, tuple(self.core.struck_off[world]), self.watched(world).breach)
+
+    def watched(self, world: int) -> Watched:
+        """What was seen of the slots in this flight."""
+        return self._seen[world][1] if world in self._seen else self.invariants[world].result()
 
     def flown(
         self,
@@ -151,17 +162,19 @@ class Director:
         outcome = self._outcome(world)
         agents = self.core.shape[1]
         rows = range(world * agents, (world + 1) * agents)
+        decided = world in self._seen
+        counted = self.core.counted if decided else self.core.tally
         if not self.core.active[world]:
             self.statuses.update((row, status) for row, status in self._swarm.farewell() if row in rows)
         return Flown(
             outcome=outcome,
-            tally=dict(zip(TALLY, self.core.tally[world].tolist(), strict=True)),
+            tally=dict(zip(TALLY, counted[world].tolist(), strict=True)),
             statuses={row - rows.start: self.statuses[row] for row in rows if row in self.statuses},
-            watched=self.invariants[world].result(),
+            watched=self.watched(world),
             wall_s=wall_s,
             real_time_factor=outcome.ticks * TICK_S / max(wall_s, 1e-9),
             command_ages=command_ages,
-            median_frame_bytes=_median(self._sizes[world]),
+            median_frame_bytes=_median(self._seen[world][0] if decided else self._sizes[world]),
             message_bytes=message_bytes,
             first_tick_at=first_tick_at,
             by_hand=tuple(self.core.by_hand[world]),

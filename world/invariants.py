@@ -221,6 +221,11 @@ class Invariants:
         if in_a_second > self._bound and not self.breach:
             self.breach = f"livelock at tick {tick}: {in_a_second} swaps within one second, at most {self._bound} are possible"
 
+    @property
+    def one_view(self) -> bool:
+        """Whether all living drones have the same view now."""
+        return not self._differ
+
     def result(self) -> Watched:
         """What was seen so far."""
         return Watched(

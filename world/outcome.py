@@ -1,4 +1,14 @@
-"""What came of a flight: the referee's verdicts of all ticks, summed up, and a digest of every tick's state."""
+"""What came of a flight: the referee's verdicts of all ticks, summed up, and a digest of every tick's state.
+
+There are two successes; a mission's field ``success`` says which one decides, and the other is always judged, too:
+
+    paper   the first tick at which the formation stands beyond the goal line (world.referee)
+    strict  the first tick from which on, for STRICT_HOLD_S, it stands there, every drone is less than STRICT_SLOT_M from the
+            place of its slot, and all living drones agree who is in which: so a slot is not only what one claims for itself
+
+A flight is decided by one of them. If the other is then still open, all fly on until it is not, at most to the time limit and
+STRICT_HOLD_S more. Nothing that is told of the flight but the other success comes from there, neither its length nor its digest.
+"""
 
 import hashlib
 from dataclasses import dataclass, replace
@@ -15,6 +25,10 @@ from world.failsafe import CommandAges
 from world.invariants import Watched
 from world.referee import Verdict
 
+STRICT_SLOT_M = 1.0
+STRICT_HOLD_S = 2.0
+_STRICT_HOLD_TICKS = round(STRICT_HOLD_S / TICK_S)
+
 
 class StruckOff(NamedTuple):
     """A drone that was taken out of a flight without the mission's doing: when, and why."""
@@ -28,8 +42,10 @@ class StruckOff(NamedTuple):
 class Outcome:
     """How one flight ended. Distances in metres, times in seconds, errors relative to the edge length.
 
-    formed_s: when the formation first stood, wherever that was; tau_s: when it stood beyond the goal line. In a run that broke
+    formed_s: when the formation first stood, wherever that was; tau_s: time of the success that decides. In a run that broke
     (`as_broken`) rest_succeeded and rest_failure say how the flight of those who were left ended; else they are None.
+    paper_tau_s, strict_tau_s: times of both successes, None without. stood_on, agreed_at_success: whether the formation stood
+    for STRICT_HOLD_S from paper_tau_s on, and whether all views of the slots were equal then; None without such a success.
     """
 
     success: bool
@@ -48,6 +64,16 @@ class Outcome:
     struck_off: tuple[StruckOff, ...] = ()
     rest_succeeded: bool | None = None
     rest_failure: str | None = None
+    paper_tau_s: float | None = None
+    strict_tau_s: float | None = None
+    stood_on: bool | None = None
+    agreed_at_success: bool | None = None
+
+    @property
+    def successes(self) -> tuple[bool, bool]:
+        """Whether there was the paper's success, and the strict one; neither in a run that broke."""
+        counts = self.failure != "broken"
+        return counts and self.paper_tau_s is not None, counts and self.strict_tau_s is not None
 
 
 def as_broken(outcome: Outcome, struck_off: tuple[StruckOff, ...], breach: str | None) -> Outcome:
@@ -91,7 +117,11 @@ class Flown:
 
 
 class Judgement:
-    """Sums up the flight of one world, tick by tick."""
+    """Sums up the flight of one world, tick by tick.
+
+    decision: what it came to by the success that decides: "" a success, else why not; None while that is open. over: the other
+    one is settled, too.
+    """
 
     def __init__(self, mission: Mission) -> None:
         self._last_tick, self._hold_s, self._hold_ticks = (
@@ -99,28 +129,37 @@ class Judgement:
             mission.hold_s,
             round(mission.hold_s / TICK_S),
         )
+        self._by_strict = mission.success == "strict"
         self._closest = np.inf
         self._closest_text = "nobody came near anybody"
         self._overlap_ticks = 0
-        self._formed_tick = self._tau_tick = -1
+        self._formed_tick = self._tau_tick = self._decided_tick = -1
         self._verdict = self._at_tau = Verdict()
         self._held = True
+        self._strict = _Strict(mission.ticks)
         self._hash = hashlib.blake2b(digest_size=16)
+        self.decision: str | None = None
+        self.over = False
 
     def digest(self, state: tuple[NDArray[Any], ...]) -> None:
         """Take what is so after this tick into the digest."""
-        for array in state:
-            self._hash.update(array.data)
+        if self.decision is None:
+            for array in state:
+                self._hash.update(array.data)
 
-    def settle(self, tick: int, verdict: Verdict, position: NDArray[np.float64]) -> str | None:
-        """What the referee's ``verdict`` on this tick means for the flight.
+    def settle(self, tick: int, verdict: Verdict, position: NDArray[np.float64], agreed: bool = True) -> None:
+        """Judge on by the referee's ``verdict`` on this tick.
 
         Args:
-            position: (N, 2) where the drones are.
-
-        Returns:
-            None while it goes on, else why it ends; "" if it ends in success.
+            position: (N, 2) where the drones are. agreed: all living drones have one view of the slots.
         """
+        self._strict.follow(tick, verdict, agreed)
+        if self.decision is None:
+            self._sum_up(tick, verdict, position)
+            self.decision, self._decided_tick = self._decide(tick, verdict), tick
+        self.over = self.decision is not None and (verdict.collided or self._strict.known(tick))
+
+    def _sum_up(self, tick: int, verdict: Verdict, position: NDArray[np.float64]) -> None:
         self._verdict = verdict
         self._overlap_ticks += verdict.shared_slots
         closest = min(verdict.closest_agents_m, verdict.closest_obstacle_m)
@@ -131,25 +170,31 @@ class Judgement:
             self._formed_tick = tick
         if self._tau_tick >= 0:
             self._held &= verdict.formed
+        elif self._by_strict:
+            self._tau_tick, self._at_tau = self._strict.tau_tick, self._strict.at_tau
         elif verdict.formed:
-            self._tau_tick = tick
-            self._at_tau = verdict
+            self._tau_tick, self._at_tau = tick, verdict
+
+    def _decide(self, tick: int, verdict: Verdict) -> str | None:
         if verdict.collided:
             return "collision"
         if self._tau_tick < 0:
-            return "late" if tick >= self._last_tick else None
+            late = self._strict.hopeless(tick) if self._by_strict else tick >= self._last_tick
+            return "late" if late else None
         return "" if self._tau_tick <= tick - self._hold_ticks else None
 
     def outcome(self, tick: int, failure: str, flying: NDArray[np.bool_]) -> Outcome:
-        """How the flight ended; ``failure`` as `settle` gives it, ``flying``: (N,)."""
-        tau, formed = self._tau_tick, self._formed_tick
+        """How the flight ended, at ``tick`` and by ``failure`` unless it was decided before; ``flying``: (N,)."""
+        if self.decision is not None:
+            tick, failure = self._decided_tick, self.decision
+        tau, formed, strict = self._tau_tick, self._formed_tick, self._strict
         verdict = self._at_tau if tau >= 0 else self._verdict
         return Outcome(
             success=not failure,
             failure=failure or None,
             ticks=tick,
-            tau_s=round(tau * TICK_S, 2) if tau >= 0 else None,
-            formed_s=round(formed * TICK_S, 2) if formed >= 0 else None,
+            tau_s=_seconds(tau),
+            formed_s=_seconds(formed),
             max_edge_error=verdict.edge_error,
             max_slot_error_m=verdict.slot_error_m,
             min_distance_m=float(self._closest),
@@ -158,7 +203,52 @@ class Judgement:
             overlap_s=self._overlap_ticks * TICK_S,
             lost_agents=tuple(int(agent) for agent in np.flatnonzero(~flying)),
             digest=self._hash.hexdigest(),
+            paper_tau_s=_seconds(strict.formed_tick),
+            strict_tau_s=_seconds(strict.tau_tick),
+            stood_on=strict.stood if strict.formed_tick >= 0 else None,
+            agreed_at_success=strict.agreed if strict.formed_tick >= 0 else None,
         )
+
+
+class _Strict:
+    """Follows the strict success, and what the paper's one lacks of it.
+
+    formed_tick: of the paper's success. stood, agreed: as Outcome's stood_on and agreed_at_success. tau_tick, at_tau: of the
+    strict success, and the verdict then. Ticks are -1 before.
+    """
+
+    def __init__(self, last_tick: int) -> None:
+        self._last_tick = last_tick
+        self._since = -1  # tick from which on all has been strictly right
+        self.formed_tick = self.tau_tick = -1
+        self._at_since = self.at_tau = Verdict()
+        self.stood, self.agreed = True, False
+
+    def follow(self, tick: int, verdict: Verdict, agreed: bool) -> None:
+        formed = verdict.formed and not verdict.collided
+        if formed and self.formed_tick < 0:
+            self.formed_tick, self.agreed = tick, agreed
+        if self.formed_tick >= 0 and tick <= self.formed_tick + _STRICT_HOLD_TICKS:
+            self.stood &= formed
+        if not (formed and agreed and verdict.slot_error_m < STRICT_SLOT_M):
+            self._since = -1
+        elif self._since < 0 and tick <= self._last_tick:
+            self._since, self._at_since = tick, verdict
+        if self.tau_tick < 0 <= self._since <= tick - _STRICT_HOLD_TICKS:
+            self.tau_tick, self.at_tau = self._since, self._at_since
+
+    def hopeless(self, tick: int) -> bool:
+        """Whether the strict success did not come in time."""
+        return self.tau_tick < 0 and self._since < 0 and tick >= self._last_tick
+
+    def known(self, tick: int) -> bool:
+        """Whether nothing that is still to come can change what is said here."""
+        watched = not self.stood or self.formed_tick < 0 or tick >= self.formed_tick + _STRICT_HOLD_TICKS
+        return watched and (self.tau_tick >= 0 or self.hopeless(tick))
+
+
+def _seconds(tick: int) -> float | None:
+    return round(tick * TICK_S, 2) if tick >= 0 else None
 
 
 def _describe_closest(tick: int, verdict: Verdict, position: NDArray[np.float64]) -> str:

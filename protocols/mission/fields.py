@@ -206,6 +206,10 @@ class MissionFields(Section):
     seed: Number32 = 0
     goal_x_m: Place = Field(35.0, description="the line every drone must have passed (and every obstacle)")
     edge_tolerance: Annotated[Number, Field(gt=0, le=1)] = 0.1
+    success: Literal["paper", "strict"] = Field(
+        "paper",
+        description="which of the two successes decides the flight (docs/task.md); both are reported",
+    )
     hold_s: Seconds = Field(
         0.0, description="fly on this long after success and report if the formation held"
     )

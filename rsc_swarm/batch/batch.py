@@ -58,8 +58,12 @@ def check_flyable(mission: Mission) -> None:
 class Batch:
     """E worlds of N drones. ``stage`` holds all arrays, filled in place (rsc_swarm.batch.kernel.Stage)."""
 
-    def __init__(self, missions: Sequence[Mission]) -> None:
+    def __init__(self, missions: Sequence[Mission], ends: bool = True) -> None:
         """Begin one episode per mission; they must agree in all but seeds and obstacles.
+
+        Args:
+            ends: an episode ends at the paper's success, a collision, or the time limit. Else it goes on until somebody sets its
+                ``stage.result``.
 
         Raises:
             MissionError: as `check_flyable`. world.field.FieldError: no room to start.
@@ -104,6 +108,7 @@ class Batch:
                 collision_m=mission.limits.collision_m,
                 last_tick=mission.ticks,
                 cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
+                ends=ends,
                 following=following_of(mission),
             )
         )

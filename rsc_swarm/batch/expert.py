@@ -4,6 +4,7 @@ It flies in the batch simulation, without radio; what is told of the slot protoc
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,19 @@ import numpy as np
 from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch import batch
-from rsc_swarm.batch import kernel as batch_kernel
+from rsc_swarm.batch import kernel as kernels
 from rsc_swarm.batch.batch import Batch
 from rsc_swarm.batch.kernel import FLYING
 from world.invariants import Watched
-from world.outcome import Outcome
+from world.outcome import Judgement, Outcome
+from world.referee import Verdict
 
 EXPERT = "expert"
-FILES = (Path(batch.__file__), Path(batch_kernel.__file__))  # what besides the rules decides its flights
+FILES = (
+    Path(batch.__file__),
+    Path(kernels.__file__),
+    Path(__file__),
+)  # what besides the rules decides its flights
 _ONE_VIEW = Watched(
     breach=None, views_differ_s=0.0, agreed_after_s=0.0, allowed_after_s=0.0, agreed=True, most_swaps_in_a_second=0, undone=0
 )  # fmt: skip
@@ -26,16 +32,31 @@ _Ended = tuple[int, Outcome, Watched, dict[str, int]]  # world, and what a Fligh
 
 
 def fly_expert(missions: Sequence[Mission], every: int) -> Iterator[_Ended | int]:
-    """Fly ``missions`` in step; yields flights as they end, and every ``every`` ticks the ticks flown, summed over flights.
+    """Fly ``missions`` in step; yields flights as they end, and about every ``every`` ticks the ticks flown, summed over flights.
 
     Raises:
         protocols.mission.document.MissionError: the batch simulation cannot fly this. world.field.FieldError: no room to start.
     """
-    flight = Batch(missions)
-    while (flying := flight.stage.result == FLYING).any():
-        before = int(flight.stage.ticks.sum())
-        flight.fly(every)
-        yield int(flight.stage.ticks.sum()) - before
-        for world in np.flatnonzero(flying & (flight.stage.result != FLYING)).tolist():
-            swaps = {**dict.fromkeys(SWAP_COUNTS, 0), "committed": int(flight.stage.swaps[world])}
-            yield world, flight.outcome(world), _ONE_VIEW, swaps
+    flight = Batch(missions, ends=False)
+    stage = flight.stage
+    judgements = [Judgement(mission) for mission in missions]
+    made = np.zeros(len(missions), np.int64)
+    flown = 0
+    while flying := np.flatnonzero(stage.result == FLYING).tolist():
+        flight.fly(1)
+        flown += len(flying)
+        if flown >= every * len(missions):
+            yield flown
+            flown = 0
+        verdicts = stage.findings.verdict.tolist()
+        for world in flying:
+            judgement, tick = judgements[world], int(stage.ticks[world])
+            judgement.settle(tick, Verdict._make(verdicts[world]), stage.position[world])
+            if judgement.decision is None:
+                made[world] = stage.swaps[world]
+            if not judgement.over:
+                continue
+            stage.result[world] = kernels.SUCCEEDED if judgement.decision == "" else kernels.LATE
+            outcome = judgement.outcome(tick, "", stage.flying[world])
+            swaps = {**dict.fromkeys(SWAP_COUNTS, 0), "committed": int(made[world])}
+            yield world, replace(outcome, digest=""), _ONE_VIEW, swaps

@@ -70,7 +70,7 @@ class Stage(NamedTuple):
 
 
 class Field(NamedTuple):
-    """The numbers of a mission that the loop needs."""
+    """The numbers of a mission that the loop needs. ends: an episode ends as a flight does; else when its flyer says so."""
 
     a_max: float
     v_max: float
@@ -79,6 +79,7 @@ class Field(NamedTuple):
     collision_m: float
     last_tick: int
     cooldown_ticks: int
+    ends: bool
     following: Following
 
 
@@ -290,9 +291,10 @@ def fly(ticks: int, stage: Stage, field: Field, arrays: TickArrays, scratch: Scr
                 stage.command[world, agent, 0], stage.command[world, agent, 1] = ax, ay
             _move(world, stage, field)
             _judge(world, stage, field, arrays, scratch.holder)
-            _settle(world, stage, field)
-            if stage.result[world] != FLYING:
-                break
+            if field.ends:
+                _settle(world, stage, field)
+                if stage.result[world] != FLYING:
+                    break
             _look(world, stage, arrays, True)
             if arrays.rules.swap.rule != trigger.OFF:
                 _reconfigure(world, stage, field.cooldown_ticks, arrays)

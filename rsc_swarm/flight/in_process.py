@@ -53,7 +53,7 @@ def fly(
     ):
         core = director.core
         first_tick_at, begin = time.time(), time.perf_counter()
-        shown = -np.inf
+        shown, took = -np.inf, None
         if recorder:
             recorder.record(core)
         looks_on = onlooker or Nobody()
@@ -71,6 +71,8 @@ def fly(
                     director.leave()
                 if recorder and not wrong:
                     recorder.record(core)
+            if took is None and core.decided[0]:
+                took = time.perf_counter() - begin
             if director.clock % _LOOK_EVERY and core.active[0]:
                 continue
             now = time.perf_counter() - begin
@@ -81,7 +83,7 @@ def fly(
                 shown = now
                 on_snapshot(snapshot(core, dict(drones.farewell()), director.clock * TICK_S / now))
         looks_on.attend(director)
-        flown = director.flown(time.perf_counter() - begin, first_tick_at)
+        flown = director.flown(took or time.perf_counter() - begin, first_tick_at)
     if wrong:
         if went_wrong is None:
             raise wrong
@@ -101,6 +103,7 @@ def fly_in_step(missions: Sequence[Mission], recorders: Sequence[Recorder]) -> l
     simulation = Simulation(missions, telling=True)
     core, director = simulation.world, simulation.director
     flown: dict[int, Flown] = {}
+    took: dict[int, float] = {}  # until it was decided
     first_tick_at, begin = time.time(), time.perf_counter()
     for recorder in recorders:
         recorder.record(core)
@@ -109,6 +112,8 @@ def fly_in_step(missions: Sequence[Mission], recorders: Sequence[Recorder]) -> l
         ended = director.tick()
         for world in flying:
             recorders[world].record(core)
+        for world in np.flatnonzero(core.decided).tolist():
+            took.setdefault(world, time.perf_counter() - begin)
         for world in ended:
-            flown[world] = director.flown(time.perf_counter() - begin, first_tick_at, world=world)
+            flown[world] = director.flown(took[world], first_tick_at, world=world)
     return [flown[world] for world in range(len(missions))]

@@ -121,7 +121,9 @@ class FlightReport(_Part):
     rest_failure: str | None = Field(
         description="in a run that broke: what else ended the flight of those who were left"
     )
-    tau_s: float | None = Field(description="time of success; null if there was none")
+    tau_s: float | None = Field(
+        description="time of the success that decides (mission field success); null if there was none"
+    )
     formed_s: float | None = Field(
         description="when the formation first stood, wherever that was; null if never"
     )
@@ -135,6 +137,19 @@ class FlightReport(_Part):
         description="smallest distance between two drones or a drone and an obstacle's surface"
     )
     closest: str = Field(description="who came that close, where and when")
+    paper_tau_s: float | None = Field(
+        None, description="time of the paper's success, whichever decides; null if there was none"
+    )
+    strict_tau_s: float | None = Field(
+        None, description="time of the strict success (docs/task.md); null if there was none"
+    )
+    stood_on: bool | None = Field(
+        None, description="whether the formation stood for 2 s after the paper's success; null without one"
+    )
+    agreed_at_success: bool | None = Field(
+        None,
+        description="whether all living drones had one view of the slots at the paper's success; null without",
+    )
     held_after_success: bool | None = Field(
         description="whether the formation held for hold_s; null if that was not asked"
     )
@@ -245,7 +260,8 @@ def describe(outcome: Outcome, mission: Mission, breach: str | None = None) -> s
         return _describe_broken(outcome, mission, breach)
     if not outcome.success:
         return describe_failure(outcome, mission)
-    text = f"{_who(outcome, mission)} {_where(outcome, mission)} after {outcome.tau_s:.2f} s"
+    strictly = " strictly" if mission.success == "strict" else ""
+    text = f"{_who(outcome, mission)}{strictly} {_where(outcome, mission)} after {outcome.tau_s:.2f} s"
     if outcome.held_after_success is not None:
         kept = "and held it" if outcome.held_after_success else "but did not hold it"
         text += f" {kept} for {mission.hold_s:g} s more"
@@ -297,6 +313,8 @@ def describe_failure(outcome: Outcome, mission: Mission) -> str:
     if outcome.failure == "interrupted":
         return f"interrupted at t = {when}: {state}"
     formation = "" if alone else "in formation "
+    if mission.success == "strict":
+        formation = f"strictly {formation}"
     return f"not {formation}beyond the goal line within {when}: {state}"
 
 

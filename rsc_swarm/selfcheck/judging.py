@@ -23,12 +23,12 @@ def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
     found = referee.empty_findings(1, agents)
     judgement, nothing, active = Judgement(mission), np.zeros((1, agents, 2)), np.ones(1, np.bool_)
     flying = flown.flying & (np.arange(agents) != outsider)
-    end, tick = None, 0
-    while end is None and tick + 1 < len(flown.positions):
+    tick = 0
+    while not judgement.over and tick + 1 < len(flown.positions):
         tick += 1
         position, claim = flown.positions[tick][None].copy(), flown.slots[tick][None].copy()
         bodies = plant.Bodies(flying[tick][None], position, nothing, nothing, np.ones((1, agents)))
         target = np.array([target_x(tick, mission.target.speed_mps)])
         referee.judge(active, bodies, claim, ground, target, standard, found)
-        end = judgement.settle(tick, referee.Verdict._make(found.verdict[0].tolist()), position[0])
-    return judgement.outcome(tick, "interrupted" if end is None else end, flying[tick])
+        judgement.settle(tick, referee.Verdict._make(found.verdict[0].tolist()), position[0])
+    return judgement.outcome(tick, "interrupted", flying[tick])

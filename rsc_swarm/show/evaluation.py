@@ -27,11 +27,14 @@ def _row(result: Evaluation) -> dict[str, str]:
         "runs": str(result.runs),
         "S %": number(result.success_rate, 1, 100),
         "95 %": f"{100 * low:.1f}-{100 * high:.1f}",
+        "strict %": number(result.strict_rate, 1, 100),
         "C %": number(result.collision_rate, 1, 100),
         "D %": number(result.noncollision_rate, 1, 100),
         "tau s": number(result.tau_mean_s, 2),
         "formed s": number(result.formed_mean_s, 2),
         "slot m": number(result.slot_error_max_m, 2),
+        "stood 2 s %": number(result.stood_on_rate, 1, 100),
+        "agreed %": number(result.agreed_at_success_rate, 1, 100),
         "nearest m": number(result.min_distance_m, 2),
         "swaps": number(result.swaps_per_flight["committed"] + result.swaps_per_flight["vacated"], 1),
     }
@@ -58,9 +61,12 @@ def print_notes(out: Console, result: Evaluation, seconds: float, again: Callabl
     """What was flown and what stands in the row; ``again`` is the command that flies a failure once more."""
     out.print(
         f"\n{flown_on(result.maps, result.starts).capitalize()}, "
-        f"in {seconds:.0f} s. S success, C collision, D other failure; tau: mean time to success; "
+        f"in {seconds:.0f} s. S success, C collision, D other failure; strict: success by the stricter rules of "
+        "docs/task.md; tau: mean time to success; "
         "formed: when the formation first stood; "
-        "slot: largest slot error at success; nearest: smallest distance ever; swaps: made per flight.",
+        "slot: largest slot error at success; stood 2 s, agreed: of all flights, those that succeeded as in the paper and "
+        "stood for 2 s more, and those in which all drones then had one view of the slots; nearest: smallest distance ever; "
+        "swaps: made per flight.",
         soft_wrap=False,
     )
     if result.missed_faults:

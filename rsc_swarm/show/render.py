@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rsc_swarm.flight.report import FlightReport, agents_text, lost_text
+from world.outcome import STRICT_HOLD_S, STRICT_SLOT_M
 
 _SHOWN_FAULTS = 4
 _HOW = {"simulate": "in one process", "launch": "in real processes", "world": "with drones from elsewhere"}
@@ -59,6 +60,7 @@ def figures(report: FlightReport) -> list[tuple[str, str]]:
         "mission": f"{mission['name']}: {agents_text(report.agents)}, policy {report.policy}, {seeds}",
         "worst edge error": "" if alone else f"{edge:.2f} % {when} (limit {tolerance:g} %)",
         f"{'' if alone else 'worst '}slot error": f"{report.max_slot_error_m:.2f} m {when}",
+        "strict success": _strict(report),
         "did not happen": _missed(report),
         "lost": lost_text(report.lost_agents) if report.lost_agents else "",
         "swaps": "" if alone else _swaps(report),
@@ -81,6 +83,21 @@ def figures(report: FlightReport) -> list[tuple[str, str]]:
         "digest": report.digest,
     }
     return [(name, text) for name, text in rows.items() if text]
+
+
+def _strict(report: FlightReport) -> str:
+    """When the strict success was, or what the paper's lacks of it; nothing where there was neither."""
+    if report.paper_tau_s is None:
+        return ""
+    if report.strict_tau_s is not None:
+        return f"from {report.strict_tau_s:.2f} s on"
+    lacks = {
+        "slots too far away": report.max_slot_error_m >= STRICT_SLOT_M and report.success,
+        "views of the slots differed": report.agreed_at_success is False,
+        f"the formation did not stand for {STRICT_HOLD_S:g} s": report.stood_on is False,
+    }
+    named = [lack for lack, so in lacks.items() if so] or [f"not kept for {STRICT_HOLD_S:g} s"]
+    return f"none after that at {report.paper_tau_s:.2f} s: {', '.join(named)}"
 
 
 def _missed(report: FlightReport) -> str:

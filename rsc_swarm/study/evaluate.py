@@ -43,6 +43,15 @@ class Evaluation(BaseModel):
     runs: int
     success_rate: float
     success_interval: tuple[float, float] = Field(description="95 % Wilson interval of the success rate")
+    paper_rate: float = Field(description="share with the paper's success, whichever decides")
+    strict_rate: float = Field(description="share with the strict success (docs/task.md)")
+    strict_interval: tuple[float, float] = Field(description="95 % Wilson interval of the strict rate")
+    stood_on_rate: float = Field(
+        description="share that had the paper's success and whose formation stood for 2 s after it"
+    )
+    agreed_at_success_rate: float = Field(
+        description="share that had the paper's success and in which all living drones had one view of the slots then"
+    )
     collision_rate: float = Field(description="C: two drones, or a drone and an obstacle, came too close")
     noncollision_rate: float = Field(description="D: every other failure, mostly no success in time")
     tau_mean_s: float | None = Field(description="mean time to success; null without a success")
@@ -207,8 +216,17 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     held = (
         sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
     )
+    paper, strict = (sum(outcome.successes[which] for outcome in outcomes) for which in (0, 1))
     return Evaluation(
         runs=runs,
+        paper_rate=paper / runs,
+        strict_rate=strict / runs,
+        strict_interval=wilson(strict, runs),
+        stood_on_rate=sum(outcome.successes[0] and bool(outcome.stood_on) for outcome in outcomes) / runs,
+        agreed_at_success_rate=sum(
+            outcome.successes[0] and bool(outcome.agreed_at_success) for outcome in outcomes
+        )
+        / runs,
         success_rate=len(good) / runs,
         success_interval=(low, high),
         collision_rate=collisions / runs,

@@ -140,7 +140,7 @@ def fly_together(missions: list[Mission]) -> Iterator[tuple[int, Flight] | int]:
             swaps = {
                 name: sum(count) for name, count in zip(SWAP_COUNTS, zip(*counts, strict=True), strict=True)
             }
-            yield world, Flight(*seeds[world], outcome, simulation.invariants[world].result(), swaps)
+            yield world, Flight(*seeds[world], outcome, simulation.director.watched(world), swaps)
 
 
 def _missions(mission: Mission, seeds: list[Seeds]) -> list[Mission]:

@@ -145,7 +145,7 @@ def test_a_rule_flies_an_edited_constant_of_another_file(
 
 
 @pytest.mark.parametrize(
-    "module", ["agent.tick", "agent.policy.saber", "world.core", "rsc_swarm.batch.kernel"]
+    "module", ["agent.tick", "agent.policy.saber", "world.tick", "rsc_swarm.batch.kernel"]
 )
 def test_a_kernel_is_named_after_every_file_that_its_module_loads(module: str) -> None:
     file = ROOT / f"{module.replace('.', '/')}.py"

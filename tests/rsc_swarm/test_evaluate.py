@@ -276,15 +276,21 @@ def test_success_is_measured_over_successes():
     assert result.min_distance_m == min(flight.outcome.min_distance_m for flight in flights)
     row = plain(render(result)).splitlines()
     assert row[0].startswith("| mission | N | policy | runs | S % |")
-    assert row[2].startswith("| plain | 1 | rsc-h20 | 4 | 100.0 | 51.0-100.0 | 0.0 | 0.0 |")
+    assert row[2].startswith("| plain | 1 | rsc-h20 | 4 | 100.0 | 51.0-100.0 | 100.0 | 0.0 | 0.0 |")
     assert row[0].endswith("| held % |")
 
 
 def test_each_figure_is_over_the_flights_it_is_said_to_be_over():
-    won = Outcome(True, None, 1200, 12.0, 11.0, 0.01, 0.2, 1.5, "", None, 0.0, (), "a")
-    slow = replace(won, tau_s=14.0, formed_s=13.0, max_slot_error_m=0.4, min_distance_m=1.0)
-    hit = replace(won, success=False, failure="collision", tau_s=None, formed_s=9.0, min_distance_m=0.4)
-    late = replace(won, success=False, failure="late", tau_s=None, formed_s=None, max_slot_error_m=9.0)
+    failed = Outcome(False, "late", 1200, None, None, 0.01, 9.0, 1.5, "", None, 0.0, (), "a")
+    won = replace(
+        failed, success=True, failure=None, tau_s=12.0, formed_s=11.0, max_slot_error_m=0.2,
+        paper_tau_s=12.0, strict_tau_s=12.0, stood_on=True, agreed_at_success=True,
+    )  # fmt: skip
+    slow = replace(
+        won, tau_s=14.0, formed_s=13.0, max_slot_error_m=0.4, min_distance_m=1.0, strict_tau_s=None, stood_on=False
+    )  # fmt: skip
+    hit = replace(failed, failure="collision", formed_s=9.0, min_distance_m=0.4)
+    late = failed
     quick = Watched(None, 0.1, 0.5, 0.25, True, 1, 0)
     delays = (
         quick,
@@ -299,6 +305,8 @@ def test_each_figure_is_over_the_flights_it_is_said_to_be_over():
     result = summarise(SHORT, flights, 4, "code")
     assert (result.success_rate, result.collision_rate, result.noncollision_rate) == (0.5, 0.25, 0.25)
     assert result.success_interval == pytest.approx((0.150039, 0.849961), abs=1e-6)
+    assert (result.paper_rate, result.strict_rate, result.stood_on_rate) == (0.5, 0.25, 0.25)
+    assert result.agreed_at_success_rate == 0.5
     assert (result.tau_mean_s, result.tau_max_s) == (13.0, 14.0)
     assert result.formed_mean_s == 11.0, "of the three that stood once"
     assert result.slot_error_max_m == 0.4, "of successes"

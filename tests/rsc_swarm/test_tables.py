@@ -93,10 +93,10 @@ def test_a_table_is_written_for_people_and_programs(tmp_path, capsys):
     table = read_table(path_of(tmp_path, "small"))
     assert out == markdown(table) == path_of(tmp_path, "small", "md").read_text()
     assert out.splitlines()[0].startswith(
-        "| drones | model | flown | runs | S % | paper's S | C % | paper's C |"
+        "| drones | model | flown | runs | S % | paper's S | S strict % | C % | paper's C |"
     )
     assert (
-        "| 4 drones | Analytic | without filter | 2 | 0.0 (0.0 to 65.8) | 83.0 | 0.0 | 14.5 | 100.0 | 2.5 |"
+        "| 4 drones | Analytic | without filter | 2 | 0.0 (0.0 to 65.8) | 83.0 | 0.0 (0.0 to 65.8) | 0.0 | 14.5 | 100.0 | 2.5 |"
         in out
     )
     assert "2 runs: maps 1000000 to 1000001, 1 start each." in out
@@ -114,7 +114,9 @@ def test_a_table_is_written_for_people_and_programs(tmp_path, capsys):
 def test_a_column_without_figures_is_left_out(tmp_path):
     evaluate(tmp_path, "cruise")
     heading = cells(read_table(path_of(tmp_path, "small")))[0]
-    assert heading == ["drones", "model", "runs", "S %", "C %", "D %", "swaps"]
+    assert heading == [
+        "drones", "model", "runs", "S %", "S strict %", "C %", "D %", "stood 2 s %", "agreed %", "swaps"
+    ]  # fmt: skip
 
 
 def test_what_a_rule_for_slots_costs_stands_in_its_table_only(tmp_path, monkeypatch, capsys):

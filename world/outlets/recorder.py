@@ -26,6 +26,7 @@ class Recorder:
         agents = mission.agents
         self._world, self.mission = world, mission
         self.rows = 0
+        self._over = False
         self._position = np.empty((_FIRST_ROWS, agents, 2))
         self._velocity = np.empty((_FIRST_ROWS, agents, 2))
         self._slot = np.empty((_FIRST_ROWS, agents), np.int16)
@@ -34,7 +35,10 @@ class Recorder:
         self._goal_x = mission.goal_x_m
 
     def record(self, core: WorldCore) -> None:
-        """Keep the state as it is now."""
+        """Keep the state as it is now, if the flight is not over: what follows its decision is no part of it."""
+        if self._over:
+            return
+        self._over = bool(core.decided[self._world])
         if self.rows == 0:
             self._obstacles = core.obstacles[self._world, : core.obstacle_count[self._world]].copy()
             self._goal_x = float(core.goal_x[self._world])
@@ -43,7 +47,6 @@ class Recorder:
             self._slot, self._flying = _double(self._slot), _double(self._flying)
         row, world = self.rows, self._world
         self.mission = core.missions[world]  # hands may have been laid on it
-        self.mission = core.missions[world]
         self._position[row], self._velocity[row] = core.position[world], core.velocity[world]
         self._slot[row], self._flying[row] = core.claim[world], core.flying[world]
         self.rows += 1

@@ -79,6 +79,7 @@ class WorldServer:
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
         self._failsafe = Failsafe(mission)
         self._told = self._told_bytes = self._heard_bytes = 0
+        self._took_s: float | None = None  # wall clock, until the flight was decided
 
     def run(self) -> Flown:
         """Gather the drones, fly to the end, say goodbye.
@@ -103,7 +104,10 @@ class WorldServer:
             self.director.tick()
             if core.tick[0] > self._now:  # else it was broken off before it was flown
                 self._record(core)
-            if (now := time.perf_counter() - self._began) - shown > _SNAPSHOT_S or not core.active[0]:
+            now = time.perf_counter() - self._began
+            if self._took_s is None and core.decided[0]:
+                self._took_s = now
+            if now - shown > _SNAPSHOT_S or not core.active[0]:
                 shown = now
                 factor = core.tick[0] * TICK_S / now
                 self._control.show(snapshot(core, self.director.statuses, factor, self._failsafe.misses))
@@ -119,7 +123,7 @@ class WorldServer:
 
     def flown(self) -> Flown:
         """What came of the flight, or would if it were interrupted now."""
-        wall_s, told = time.perf_counter() - self._began, max(self._told, 1)
+        told, wall_s = max(self._told, 1), self._took_s or time.perf_counter() - self._began
         sizes = (self._heard_bytes / told, self._told_bytes / told)
         ages = self._failsafe.ages() if self._clock == "realtime" else None
         return self.director.flown(wall_s, self._first_tick_at, sizes, command_ages=ages)

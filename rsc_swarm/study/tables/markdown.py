@@ -18,6 +18,11 @@ _PAPERS = (
     "Its tau belongs to another task: here the rear row cannot be past the goal line that soon, so compare tau "
     "only with this project's own expert. "
 )
+_STRICT = (
+    "S strict: success by the stricter rules of task.md; slot: mean over successes of the worst slot error then; "
+    "stood 2 s, agreed: of all flights, those that succeeded and whose formation stood for 2 s more, and those in which all "
+    "drones had one view of the slots at success. "
+)
 _MAE = (
     "MAE: mean absolute error of the foretold positions over the horizon, in 1e-4 m, and beside it that of "
     "foretelling constant velocity. "
@@ -76,6 +81,7 @@ def legend(result: TableResult) -> str:
     rows = result.rows
     text = _LEGEND
     text += _PAPERS if any(row.paper for row in rows) else ""
+    text += _STRICT if any(row.strict_rate is not None for row in rows) else ""
     text += _MAE if any(row.accuracy for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
     text += _SLOTS if TABLES[result.table].of_slots else ""
@@ -99,15 +105,15 @@ def cells(result: TableResult) -> list[list[str]]:
 
 
 def _figures(row: RowResult) -> dict[str, str]:
-    low, high = row.success_interval
     papers, model, floor = _papers(row.paper), None, None
     if row.accuracy:
         model, floor = row.accuracy.model_m, row.accuracy.constant_velocity_m
     undone, shared = _SLOT_COLUMNS
     return {
         "runs": str(row.runs),
-        "S %": f"{100 * row.success_rate:.1f} ({100 * low:.1f} to {100 * high:.1f})",
+        "S %": _rate(row.success_rate, row.success_interval),
         "paper's S": papers["S"],
+        "S strict %": _rate(row.strict_rate, row.strict_interval),
         "C %": _number(row.collision_rate, 1, 100),
         "paper's C": papers["C"],
         "D %": _number(row.noncollision_rate, 1, 100),
@@ -117,6 +123,9 @@ def _figures(row: RowResult) -> dict[str, str]:
         "MAE": _number(model, 2, 1e4),
         "paper's MAE": papers["MAE"],
         "constant velocity's": _number(floor, 2, 1e4),
+        "slot m": _number(row.slot_error_mean_m, 2),
+        "stood 2 s %": _number(row.stood_on_rate, 1, 100),
+        "agreed %": _number(row.agreed_at_success_rate, 1, 100),
         "formed s": _number(row.formed_mean_s, 2),
         "swaps": _number(row.swaps_per_flight, 1),
         undone: _number(row.undone_per_flight, 1),
@@ -134,6 +143,13 @@ def _papers(paper: Paper | None) -> dict[str, str]:
         "tau": _number(paper.tau_s, 2),
         "MAE": _number(paper.mae_1e4_m, 2),
     }
+
+
+def _rate(share: float | None, interval: tuple[float, float] | None) -> str:
+    if share is None or interval is None:
+        return "-"
+    low, high = interval
+    return f"{100 * share:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
 
 def _number(value: float | None, digits: int, scale: float = 1.0) -> str:

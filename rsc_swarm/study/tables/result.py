@@ -43,6 +43,20 @@ class RowResult(BaseModel):
     runs: int
     success_rate: float
     success_interval: tuple[float, float]
+    strict_rate: float | None = Field(
+        None, description="share with the strict success; null in a row flown before it was judged"
+    )
+    strict_interval: tuple[float, float] | None = Field(None, description="null likewise")
+    slot_error_mean_m: float | None = Field(
+        None, description="mean over successful flights of the worst slot error at success; null likewise"
+    )
+    stood_on_rate: float | None = Field(
+        None,
+        description="share that succeeded as in the paper and whose formation stood for 2 s more; null likewise",
+    )
+    agreed_at_success_rate: float | None = Field(
+        None, description="share that did so and in which all drones had one view of the slots; null likewise"
+    )
     collision_rate: float
     noncollision_rate: float
     tau_mean_s: float | None
@@ -178,10 +192,21 @@ def _flat(row: RowResult) -> dict[str, object]:
     paper = asdict(row.paper) if row.paper else dict.fromkeys(Paper.__dataclass_fields__)
     return {
         **row.model_dump(
-            exclude={"paper", "accuracy", "success_interval", "maps", "failures", "command", "code"}
+            exclude={
+                "paper",
+                "accuracy",
+                "success_interval",
+                "strict_interval",
+                "maps",
+                "failures",
+                "command",
+                "code",
+            }
         ),
         "success_low": low,
         "success_high": high,
+        "strict_low": row.strict_interval and row.strict_interval[0],
+        "strict_high": row.strict_interval and row.strict_interval[1],
         "mae_m": row.accuracy and row.accuracy.model_m,
         "mae_constant_velocity_m": row.accuracy and row.accuracy.constant_velocity_m,
         **{f"paper_{name}": value for name, value in paper.items()},
