@@ -53,6 +53,7 @@ __all__ = [
     "launch",
     "mission",
     "simulate",
+    "write_report",
 ]
 
 _FLOWN = (ExitCode.SUCCEEDED, ExitCode.FAILED)  # a launch that came to its end
@@ -259,6 +260,17 @@ def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
     """
     several = [flights] if isinstance(flights, Flight) else flights
     draw_tracks([_track(flight) for flight in several], Path(out))
+
+
+def write_report(flight: Flight, out: str | Path) -> None:
+    """Write the story of a flight as one HTML file (docs/recordings.md).
+
+    Raises:
+        protocols.whole_file.WriteError: it cannot be written.
+    """
+    from rsc_swarm.show.page.page import write_page  # what few need is loaded by those
+
+    write_page(_track(flight), Path(out))
 
 
 def _track(flight: Flight) -> Recorded:

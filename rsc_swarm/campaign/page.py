@@ -37,7 +37,8 @@ def write_index(folder: Path, plan: Plan, tally: Tally, places: Mapping[str, Pat
     """Write ``folder/index.html``; where it is.
 
     Args:
-        places: where the mission of each failure was kept, by its digest. again: the command that flies the campaign.
+        places: where the mission of each failure was kept, by its digest; beside it, with the ending .html, the story of the
+            flight, where there is one. again: the command that flies the campaign.
 
     Raises:
         protocols.whole_file.WriteError: it cannot be written.
@@ -54,7 +55,7 @@ def write_index(folder: Path, plan: Plan, tally: Tally, places: Mapping[str, Pat
         )
     tables = [
         f"<h2{' class=unsafe' if group.failures[0].broken.safety else ''}>{escape(group.name)}: {len(group.failures)}</h2>"
-        "<table><tr><th>map, seed<th>faults<th>what happened<th>mission<th>replay</tr>"
+        "<table><tr><th>map, seed<th>faults<th>what happened<th>report<th>mission<th>replay</tr>"
         + "".join(_row(failure, places[failure.digest], folder) for failure in group.failures)
         + "</table>"
         for group in found
@@ -77,9 +78,14 @@ def _row(failure: Failure, place: Path, folder: Path) -> str:
     count = (
         f"{len(mission.faults)} of {failure.faults}" if failure.shrunk else f"{failure.faults}, not shrunk"
     )
-    link = place.relative_to(folder).as_posix()
+    link, story = place.relative_to(folder).as_posix(), place.with_suffix(".html")
+    told = (
+        f'<a href="{escape(story.relative_to(folder).as_posix())}">what, when, why</a>'
+        if story.exists()
+        else ""
+    )
     return (
-        f"<tr><td>{mission.map_seed}, {mission.seed}<td>{count}<td>{escape(failure.broken.detail)}"
+        f"<tr><td>{mission.map_seed}, {mission.seed}<td>{count}<td>{escape(failure.broken.detail)}<td>{told}"
         f'<td><a href="{escape(link)}">{escape(place.name)}</a>'
         f"<td><code>rsc-swarm campaign --replay {escape(str(place))}</code></tr>"
     )

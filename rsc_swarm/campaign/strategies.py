@@ -19,6 +19,8 @@ from rsc_swarm.campaign.budget import WEATHER, Budget, ready, spoilt
 MAPS = 1_000_000  # as many, from there on: none of them is among the maps of the tables
 _WEATHERS = 1  # besides the mission's own, in one task
 
+_TOGETHER = 50  # ticks between troubles that come together, at most
+
 Trouble = list[dict[str, Any]]  # faults that belong together, such as freeze and thaw
 
 
@@ -87,9 +89,14 @@ def _checked(mission: Mission, fields: dict[str, Any]) -> Mission | None:
         return None
 
 
-def _troubles(mission: Mission, budget: Budget) -> SearchStrategy[tuple[Trouble, ...]]:
-    drone = st.integers(0, mission.agents - 1)
-    begin = st.integers(0, ticks_of(budget.until_s))
+@st.composite
+def _troubles(draw: st.DrawFn, mission: Mission, budget: Budget) -> tuple[Trouble, ...]:
+    """Half of the troubles come together: to one drone, and about one moment, which is likely to be an early one, while slots
+    are traded most. What goes wrong alone is mostly survived."""
+    everyone, last = st.integers(0, mission.agents - 1), ticks_of(budget.until_s)
+    focus, moment = draw(everyone), draw(st.integers(0, last) | st.integers(0, last // 4))
+    drone = everyone | st.just(focus)
+    begin = st.integers(0, last) | st.integers(moment, min(moment + _TOGETHER, last))
 
     def lasting(longest_s: float) -> SearchStrategy[int]:
         return st.integers(1, max(1, ticks_of(longest_s)))
@@ -101,12 +108,18 @@ def _troubles(mission: Mission, budget: Budget) -> SearchStrategy[tuple[Trouble,
         "restart": st.builds(_one("restart"), drone, begin),
         "part": st.builds(
             _part(mission.agents),
-            st.sets(drone, min_size=1, max_size=max(1, mission.agents - 1)),
+            st.sets(everyone, min_size=1, max_size=max(1, mission.agents - 1)),
             begin,
             lasting(budget.part_s),
         ),
         "slow": st.builds(
             _slow, drone, begin, lasting(budget.slow_s), st.integers(round(100 * budget.slow_factor), 99)
+        ),
+        "spell": st.builds(
+            _spell(mission.radio.loss),
+            begin,
+            lasting(budget.spell_s),
+            st.integers(1, round(100 * budget.spell_loss)),
         ),
     }
     allowed = [
@@ -114,7 +127,7 @@ def _troubles(mission: Mission, budget: Budget) -> SearchStrategy[tuple[Trouble,
         for kind in kinds
         if getattr(budget, kind) and (kind != "part" or mission.agents > 1)
     ]
-    return st.tuples(*allowed).map(lambda lists: tuple(faults for some in lists for faults in some))
+    return tuple(faults for some in allowed for faults in draw(some))
 
 
 def _at(tick: int, kind: str, **what: Any) -> dict[str, Any]:
@@ -140,6 +153,16 @@ def _slow(drone: int, begin: int, lasting: int, percent: int) -> Trouble:
         _at(begin, "slow", agents=[drone], factor=percent / 100),
         _at(begin + lasting, "recover", agents=[drone]),
     ]
+
+
+def _spell(usual: float) -> Any:
+    def made(begin: int, lasting: int, percent: int) -> Trouble:
+        return [
+            _at(begin, "loss", loss=max(usual, percent / 100)),
+            _at(begin + lasting, "loss", loss=usual),
+        ]
+
+    return made
 
 
 def _part(agents: int) -> Any:

@@ -124,7 +124,8 @@ def _progress(tally: "Tally", flights: int, shrinking: int) -> str:
 
 
 def _tell(plan: "Plan", tally: "Tally", folder: Path, again: str, seconds: float) -> ExitCode:
-    """Keep what broke, and say so."""
+    """Keep what broke, tell the story of each flight that was made short, and say so."""
+    from rsc_swarm.api import simulate, write_report
     from rsc_swarm.campaign.campaign import groups
     from rsc_swarm.campaign.kept import keep
     from rsc_swarm.campaign.page import write_index
@@ -132,6 +133,10 @@ def _tell(plan: "Plan", tally: "Tally", folder: Path, again: str, seconds: float
 
     found = groups(tally)
     places = {failure.digest: keep(failure, folder) for group in found for failure in group.failures}
+    for failure in tally.failures:
+        page = places[failure.digest].with_suffix(".html")
+        if failure.shrunk and not page.exists():
+            write_report(simulate(failure.mission), page)
     index = write_index(folder, plan, tally, places, again)
     unsafe = sum(failure.broken.safety for failure in tally.failures)
     print(

@@ -32,8 +32,21 @@ def swarm(request: pytest.FixtureRequest) -> "Swarm":
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: "pytest.CallInfo[None]") -> Iterator[None]:
-    """Tell a flight that broke something by its own text, without the lines of code in between."""
+    """Tell a flight that broke something by its own text, without the lines of code in between, and with its story: where that
+    page lies, and for pytest-html the page itself."""
     outcome: Any = yield
-    error = call.excinfo.value if call.excinfo else None
-    if type(error).__module__ == "rsc_swarm.testing.swarm" and type(error).__name__ == "Broke":
-        outcome.get_result().longrepr = f"{item.nodeid}\n{error}"
+    error: Any = call.excinfo.value if call.excinfo else None
+    if type(error).__module__ != "rsc_swarm.testing.swarm" or type(error).__name__ != "Broke":
+        return
+    from protocols.errors import SwarmError
+
+    result = outcome.get_result()
+    try:
+        page = error.report()
+    except SwarmError as why:  # the failure is told all the same
+        result.longrepr = f"{item.nodeid}\n{error}\nIts story could not be written: {why}"
+        return
+    result.longrepr = f"{item.nodeid}\n{error}\nWhat, when, why: {page}"
+    if pytest_html := item.config.pluginmanager.getplugin("html"):
+        told = pytest_html.extras.html(page.read_text(encoding="utf-8"))
+        result.extras = [*getattr(result, "extras", []), told]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from protocols.mission.document import Mission
+from rsc_swarm.api import simulate, write_report
 from rsc_swarm.campaign.flying import Failure, fly_all
 from rsc_swarm.campaign.judging import Broken, judge
 from rsc_swarm.campaign.kept import keep
@@ -12,7 +13,7 @@ from rsc_swarm.study.workers import Flight
 class Broke(AssertionError):
     """A flight did not keep what it must: what broke, with which faults, and the command that flies it again.
 
-    path: the mission, kept as a file.
+    path: the mission, kept as a file; `report` writes the story of the flight beside it.
     """
 
     def __init__(self, failure: Failure, path: Path) -> None:
@@ -32,6 +33,16 @@ class Broke(AssertionError):
             f"In processes:  rsc-swarm campaign --replay {path}",
         ]
         super().__init__("\n".join(lines))
+
+    def report(self) -> Path:
+        """Fly it again, and write what happened, when and why as one HTML file.
+
+        Raises:
+            protocols.whole_file.WriteError: it cannot be written.
+        """
+        page = self.path.with_suffix(".html")
+        write_report(simulate(self.failure.mission), page)
+        return page
 
 
 class Swarm:

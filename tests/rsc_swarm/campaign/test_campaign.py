@@ -1,5 +1,6 @@
 """A campaign finds what breaks, makes it short, keeps it, and goes on where it was stopped."""
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from protocols.mission.document import Mission
+from protocols.mission.reading import write_yaml
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.campaign import flying
 from rsc_swarm.campaign.budget import parse_budget
@@ -58,6 +60,24 @@ def test_what_breaks_is_made_short_and_kept_and_can_be_checked(tmp_path: Path) -
     assert "rsc-swarm campaign &lt;&amp;&gt;" in page
     twin = replace(shortest, digest="f" * 32)
     assert keep(twin, tmp_path / "elsewhere") != keep(shortest, tmp_path / "elsewhere"), "of the same seeds"
+
+
+def test_the_index_leads_to_the_story_of_what_was_made_short(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "stiff.yaml").write_text(write_yaml(STIFF.model_dump(mode="json", exclude_defaults=True)))
+    words = ["--budget", str(PLAN.budget), "--seed", "1", "--flights", "12", "--workers", "1"]
+    monkeypatch.setattr(
+        sys, "argv", ["rsc-swarm", "campaign", f"{tmp_path}/stiff.yaml", *words, "--out", f"{tmp_path}/out"]
+    )
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 1
+    assert "not in formation in time: " in capsys.readouterr().out
+    stories = re.findall(r'<a href="([^"]+\.html)">', (tmp_path / "out" / "index.html").read_text())
+    assert stories
+    for story in stories:
+        assert "lost agent" in (tmp_path / "out" / story).read_text()
 
 
 def test_a_stopped_campaign_goes_on_and_a_longer_one_flies_what_is_missing(

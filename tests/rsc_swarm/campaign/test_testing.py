@@ -1,5 +1,6 @@
 """Somebody else's controller is tested in ten lines, and a failure says what broke and how to fly it again."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +24,23 @@ class {name}:
     def act(self, seen):
         return {wanted}
 """
+# Stands in for pytest-html, and says what it is given.
+CONFTEST = """
+class extras:
+    html = staticmethod(lambda content: {"format_type": "html", "content": content})
+    text = staticmethod(lambda content, name: {"format_type": "text", "content": content})
+
+class Html:
+    extras = extras
+
+def pytest_configure(config):
+    config.pluginmanager.register(Html(), "html")
+
+def pytest_runtest_logreport(report):
+    for extra in getattr(report, "extras", []):
+        if extra["format_type"] == "html":
+            print(f"HTML: {extra['content'][:15]}")
+"""
 BEGINNING = "fly_s=1.0, start={'radius_m': 0.0}"
 TO_THE_GOAL = "goal_x_m=3, obstacles={'count': (0, 0)}, time_limit_s=5"
 CONTROLLERS = {  # what each wants, and on what missions it is tested
@@ -39,6 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "mine.py").write_text(
         "".join(POLICY.format(name=name, wanted=one[0]) for name, one in CONTROLLERS.items())
     )
+    (folder / "conftest.py").write_text(CONFTEST)
     tests = [
         TEST.format(name=name, policy=f"{folder}/mine.py:{name}", fields=fields)
         for name, (_, fields) in CONTROLLERS.items()
@@ -75,3 +94,10 @@ def test_a_failure_is_told_with_the_command_that_flies_it_again(said: str, folde
     kept = all_kept(folder / "swarm-failures")
     assert all(one.digest == fly_kept(one).digest for one in kept)
     assert kept[0].mission.faults == (), "Hypothesis shrinks to a mission without trouble"
+
+    told = re.search(r"^What, when, why: (swarm-failures/.+\.html)$", said, re.MULTILINE)
+    assert told
+    page = (folder / told[1]).read_text(encoding="utf-8")
+    assert "not in formation beyond the goal line within" in page
+    assert list(folder.glob("swarm-failures/*/*.html")) == [folder / told[1]], "of the shortest alone"
+    assert said.count("HTML: <!doctype html>") == 1, "for pytest-html it goes along with the failure"
