@@ -15,8 +15,9 @@ from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES
 class Memory(NamedTuple):
     """Shapes: A hosted drones, N drones of the swarm, K = MAX_NEAR, M = MAX_OBSTACLES.
 
-    heard_*: (A, N, ...) what the last frame of each drone said. last_seen: (A, N) tick at which anybody, as far as is
-    known here, last heard each drone. hops, rel, freshest: multi-hop relative positions (protocols.relative).
+    heard_*: (A, N, ...) what the last frame of each drone said, and how it had accelerated [m/s^2]. last_seen: (A, N) tick at
+    which anybody, as far as is known here, last heard each drone. hops, rel, freshest: multi-hop relative positions
+    (protocols.relative). began: (A,) tick from which the drone has listened.
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
     and the side on which each is being passed. stalled: (A,) ticks for which the drone has not come nearer to its slot.
     way: (A, 3) next corner of its detour [m] and how many are left (agent.control.detour).
@@ -25,6 +26,7 @@ class Memory(NamedTuple):
 
     heard_tick: NDArray[np.int64]
     heard_motion: NDArray[np.float32]
+    heard_acceleration: NDArray[np.float64]
     heard_observation: NDArray[np.int16]
     heard_one_hop: NDArray[np.int64]
     heard_count: NDArray[np.int64]
@@ -34,6 +36,7 @@ class Memory(NamedTuple):
     hops: NDArray[np.int64]
     rel: NDArray[np.float64]
     freshest: NDArray[np.int64]
+    began: NDArray[np.int64]
     near_count: NDArray[np.int64]
     near_id: NDArray[np.int64]
     near_rel: NDArray[np.float64]
@@ -66,6 +69,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
     return Memory(
         heard_tick=np.full((rows, agents), NEVER),
         heard_motion=np.zeros((rows, agents, 4), np.float32),
+        heard_acceleration=np.zeros((rows, agents, 2)),
         heard_observation=np.zeros((rows, agents, OBSERVATION_SIZE), np.int16),
         heard_one_hop=np.zeros((rows, agents), np.int64),
         heard_count=np.zeros((rows, agents), np.int64),
@@ -75,6 +79,7 @@ def empty_memory(rows: int, agents: int) -> Memory:
         hops=np.full((rows, agents), UNKNOWN),
         rel=np.zeros((rows, agents, 2)),
         freshest=np.zeros((rows, agents), np.int64),
+        began=np.zeros(rows, np.int64),
         near_count=np.zeros(rows, np.int64),
         near_id=np.zeros((rows, MAX_NEAR), np.int64),
         near_rel=np.zeros((rows, MAX_NEAR, 2)),
@@ -92,6 +97,6 @@ def empty_memory(rows: int, agents: int) -> Memory:
 def forget(memory: Memory, row: int, tick: int) -> None:
     """A restarted drone knows nothing; all others count as seen now, so that it does not take them for dead."""
     memory.heard_tick[row] = NEVER
-    memory.last_seen[row] = tick
+    memory.last_seen[row] = memory.began[row] = tick
     memory.disc_count[row] = 0
     memory.stalled[row] = 0

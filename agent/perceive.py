@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.heard import find_heard, keep_clear, note_acceleration
 from agent.memory import Memory
 from agent.tick_arrays import Rules, Work
 from protocols.dynamics import TICK_S, vector
@@ -62,6 +63,7 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int, radio: Radi
     if not _can_be(motion, before, later, radio.memory_ticks, radio.speed_mps):
         return
     memory.heard_tick[row, sender] = tick
+    note_acceleration(motion, before, later, radio.memory_ticks, memory.heard_acceleration[row, sender])
     for place in range(4):
         before[place] = motion[place]
     for place in range(OBSERVATION_SIZE):
@@ -77,33 +79,14 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int, radio: Radi
 
 
 @inlined_kernel
-def find_neighbours(
-    memory: Memory, row: int, me: int, tick: int, sensed: Sensed, by_sensor: bool, radio: RadioRules
-) -> None:
-    """Neighbours from the drone's own sensors, or else from frames that are still believed, moved on by their velocity."""
-    if by_sensor:
-        count = sensed.near_count[row]
-        for index in range(count):
-            near = sensed.near[row, index]
-            memory.near_id[row, index] = near["number"]
-            memory.near_rel[row, index, 0], memory.near_rel[row, index, 1] = near["x"], near["y"]
-            memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near["vx"], near["vy"]
-        memory.near_count[row] = count
-        return
-    (px, py), (vx, vy) = vector(sensed.position, row), vector(sensed.velocity, row)
-    count = 0
-    for other in range(memory.heard_tick.shape[1]):
-        age = tick - memory.heard_tick[row, other]
-        if other == me or age > radio.memory_ticks or count == memory.near_id.shape[1]:
-            continue
-        motion = memory.heard_motion[row, other]
-        dx = motion[0] + motion[2] * age * TICK_S - px
-        dy = motion[1] + motion[3] * age * TICK_S - py
-        if dx * dx + dy * dy <= radio.range_m * radio.range_m:
-            memory.near_id[row, count] = other
-            memory.near_rel[row, count, 0], memory.near_rel[row, count, 1] = dx, dy
-            memory.near_vel[row, count, 0], memory.near_vel[row, count, 1] = motion[2] - vx, motion[3] - vy
-            count += 1
+def find_sensed(memory: Memory, row: int, sensed: Sensed) -> None:
+    """Neighbours from the drone's own sensors."""
+    count = sensed.near_count[row]
+    for index in range(count):
+        near = sensed.near[row, index]
+        memory.near_id[row, index] = near["number"]
+        memory.near_rel[row, index, 0], memory.near_rel[row, index, 1] = near["x"], near["y"]
+        memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near["vx"], near["vy"]
     memory.near_count[row] = count
 
 
@@ -155,7 +138,10 @@ def perceive_row(
     memory.last_seen[row, me] = tick
     for place in range(work.inbox_start[row], work.inbox_start[row + 1]):
         hear_frame(memory, row, frames, work.inbox[place], rules.radio)
-    find_neighbours(memory, row, me, tick, sensed, rules.by_sensor, rules.radio)
+    if rules.by_sensor:
+        find_sensed(memory, row, sensed)
+    else:
+        find_heard(memory, row, me, tick, sensed, rules.radio, rules.limits.max_acceleration)
     recall_obstacles(memory, row, sensed, rules.remember_obstacles)
     near = Nearby(memory.near_count[row], memory.near_id[row], memory.near_rel[row])
     heard = Heard(
@@ -165,6 +151,8 @@ def perceive_row(
     chain_displacements(
         me, tick, rules.radio, near, heard, memory.hops[row], memory.rel[row], memory.freshest[row]
     )
+    if not rules.by_sensor:
+        keep_clear(memory, row, me, tick, sensed, rules)
 
 
 @inlined_kernel

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from agent.control.detour import leave_pocket
 from agent.control.safety import safety_filter
+from agent.heard import listens, stand_still
 from agent.memory import Memory, discs_of, neighbours_of
 from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
@@ -104,7 +105,9 @@ def secure_all(tick: int, first: int, arrays: TickArrays, command: NDArray[np.fl
         wanted = vector(command, row)
         if not (abs(wanted[0]) <= ABSURD_MPS2 and abs(wanted[1]) <= ABSURD_MPS2):
             return row
-        if rules.detour:
+        if listens(tick, row, rules, memory):
+            wanted = stand_still(vector(sensed.velocity, row))
+        elif rules.detour:
             wanted = leave_pocket(wanted, row, rules, work, sensed, memory)
         if rules.filtered:
             near, discs = neighbours_of(memory, row), discs_of(memory, row)

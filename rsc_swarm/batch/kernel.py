@@ -20,7 +20,7 @@ from agent.control.safety import safety_filter
 from agent.control.surroundings import Discs
 from agent.memory import discs_of, neighbours_of
 from agent.observation import aim_of, aim_row, compressed, observe_row, observe_wide_row
-from agent.perceive import find_neighbours, recall_obstacles
+from agent.perceive import find_sensed, recall_obstacles
 from agent.policy.analytic_kernel import analytic
 from agent.target import place_target
 from agent.tick_arrays import TickArrays
@@ -109,7 +109,7 @@ def _look(world: int, stage: Stage, arrays: TickArrays, recall: bool) -> None:
     sense_world(world, _bodies(stage), _ground(stage), rules.reach_m, True, arrays.sensed)
     for agent in range(agents):
         row = world * agents + agent
-        find_neighbours(arrays.memory, row, agent, 0, arrays.sensed, True, rules.radio)
+        find_sensed(arrays.memory, row, arrays.sensed)
         if recall:
             recall_obstacles(arrays.memory, row, arrays.sensed, rules.remember_obstacles)
         place_target(stage.ticks[world], row, rules.target_mps, arrays.work)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from agent.heard import find_heard
 from agent.memory import Memory, empty_memory, forget
-from agent.perceive import compose_row, find_neighbours, hear_frame, recall_obstacles
+from agent.perceive import compose_row, find_sensed, hear_frame, recall_obstacles
 from agent.tick_arrays import TickArrays
 from protocols.mission.document import parse_mission
 from protocols.relative import NEVER, UNKNOWN, RadioRules
@@ -76,7 +77,7 @@ def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() ->
     )
     sensed = empty_sensed(1)
     sensed.position[0], sensed.velocity[0] = [8.0, 1.0], [1.0, 0.0]
-    find_neighbours(memory, 0, 0, 500, sensed, False, RADIO)
+    find_heard(memory, 0, 0, 500, sensed, RADIO, 10.0)
     # Drone 3 was at (10, 0) a tenth of a second ago; drone 5's frame is older than it is believed.
     assert memory.near_count[0] == 1
     assert memory.near_id[0, 0] == 3
@@ -86,7 +87,7 @@ def test_what_is_not_sensed_is_found_from_frames_moved_on_by_their_velocity() ->
 
 def test_a_frame_is_believed_to_the_last_tick_of_its_time() -> None:
     memory = heard(frame(sender=3, tick=470), frame(sender=4, tick=469))
-    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, RADIO)
+    find_heard(memory, 0, 0, 500, empty_sensed(1), RADIO, 10.0)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [3]
 
 
@@ -94,14 +95,14 @@ def test_one_heard_from_beyond_the_range_is_no_neighbour() -> None:
     memory = heard(
         frame(sender=3, tick=500, motion=(6.1, 0, 0, 0)), frame(sender=4, tick=500, motion=(0, 6.0, 0, 0))
     )
-    find_neighbours(memory, 0, 0, 500, empty_sensed(1), False, RADIO)
+    find_heard(memory, 0, 0, 500, empty_sensed(1), RADIO, 10.0)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [4]
 
 
 def test_what_is_sensed_counts_alone_where_there_are_sensors() -> None:
     memory, sensed = heard(frame(sender=3, tick=500, motion=(1, 0, 0, 0))), empty_sensed(1)
     sensed.near_count[0], sensed.near[0, 0] = 1, (7, 1, 2, 3, 4)
-    find_neighbours(memory, 0, 0, 500, sensed, True, RADIO)
+    find_sensed(memory, 0, sensed)
     assert memory.near_id[0, : memory.near_count[0]].tolist() == [7]
     assert memory.near_rel[0, 0].tolist() == [1, 2]
 
