@@ -137,7 +137,8 @@ def judge(plan: Plan, seen: Seen) -> list[str]:
     """What is wrong with a run; nothing if it is as it should be."""
     if plan.kills_launcher and seen.code == -signal.SIGKILL:
         seen.code = 0  # nobody is left who could tell
-    faults = common_faults(seen, plan.asks_early)
+    troubles = max(1, bool(plan.limits) + bool(plan.streams))
+    faults = common_faults(seen, plan.asks_early, troubles)
     if "stderr" in plan.streams:
         return [fault for fault in faults if "complain" not in fault]
     if seen.flew and not plan.limits:

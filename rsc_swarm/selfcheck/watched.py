@@ -180,8 +180,12 @@ def busy(loops: int) -> Iterator[None]:
 EARLY = 0.3  # share of a launch by which its flight is not over, however the load changes
 
 
-def common_faults(seen: Seen, asked_early: bool) -> list[str]:
-    """What no command may do, whatever happens to it; nor fly on when it was asked to leave long before it was over."""
+def common_faults(seen: Seen, asked_early: bool, troubles: int = 1) -> list[str]:
+    """What no command may do, whatever happens to it; nor fly on when it was asked to leave long before it was over.
+
+    Args:
+        troubles: how many things may be wrong at once, each of which it says in a line.
+    """
     faults = [f"left behind: {', '.join(seen.left)}"] if seen.left else []
     if "Traceback" in seen.err + seen.out or "Exception ignored" in seen.err:
         faults.append("a traceback")
@@ -190,7 +194,7 @@ def common_faults(seen: Seen, asked_early: bool) -> list[str]:
     if asked_early and seen.code in (0, 1):
         faults.append("it was asked to leave and flew on")
     told = seen.complaints
-    expected = {2: (1,), 3: (1,), 130: (0, 1)}.get(seen.code or 0, (0,))
+    expected = {2: (1,), 3: range(1, troubles + 1), 130: (0, 1)}.get(seen.code or 0, (0,))
     if seen.out.startswith("BROKEN: "):
         expected = (0, 1)  # the report says it itself, and at most something could not be kept besides
     if len(told) not in expected:
