@@ -165,6 +165,11 @@ class AgentCore:
         endpoints.write_notes(tick, work.sent, air, first)
         return Outputs(command, work.sent, self._views.slot, changed)
 
+    def plans(self, tick: int) -> NDArray[np.float32] | None:
+        """Where the rows plan to be, (A, P, 2) m, NaN where a row plans nothing; None with a policy that does not say."""
+        policy = self.policy
+        return policy.plans(tick) if isinstance(policy, Compiled) and hasattr(policy, "plans") else None
+
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""
         party = self._endpoints.endpoint[row]

@@ -13,6 +13,7 @@ Where the drones are is behind the port `Swarm`.
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.wire.frames import MAX_FRAME_BYTES
@@ -39,6 +40,10 @@ class Swarm(Protocol):
 
     def farewell(self) -> list[tuple[int, AgentStatus]]:
         """The last accounts of the drones that are awake, with their rows."""
+
+    def plans(self, world: int) -> NDArray[np.float32] | None:
+        """Where the drones of this world plan to be, (N, P, 2) m, NaN where one plans nothing; None if nobody tells."""
+        return None
 
 
 class Director:
@@ -89,6 +94,10 @@ class Director:
             if world not in self._seen:
                 self._seen[world] = self._sizes[world].copy(), self.invariants[world].result()
         return self._close(ended)
+
+    def plans(self, world: int = 0) -> NDArray[np.float32] | None:
+        """As `Swarm.plans`."""
+        return self._swarm.plans(world)
 
     def strike_off(self, row: int, why: str) -> None:
         """Take the drone of this row out of its flight without the mission's doing, and let the others fly on."""

@@ -25,11 +25,13 @@ from agent.policy.learned_kernel import (
 from agent.policy.model_file import ModelFileError, note_of, read_model
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
+from protocols.dynamics import TICK_S
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
 
 _OUTPUTS = ["displacement", "acceleration"]
+SHOWN = 4  # points of a plan that are shown to people
 _ROWS = 32  # asked in one call; more would no longer fit the processor's caches
 
 
@@ -105,6 +107,20 @@ class Learned(Compiled):
         inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}
         displacement, acceleration = self._session.run(_OUTPUTS, inputs)
         take_plans(tick, first, arrays, self._planner, displacement, acceleration)
+
+    def plans(self, tick: int) -> NDArray[np.float32]:
+        """Where each row plans to be at `SHOWN` moments, evenly over what it planned last: (A, SHOWN, 2) m. NaN for what lies
+        behind it as tick ``tick`` begins, and where it has planned nothing. For those who look on; no drone asks for it."""
+        plans, horizon = self._plans, self._plans.displacement.shape[1]
+        step = (
+            np.ceil(np.linspace(0, horizon, SHOWN + 1)).astype(np.int64)[1:] - 1
+        )  # p: p + 1 ticks after it was made
+        start, drift = plans.start[:, None, :2], plans.start[:, None, 2:] * (TICK_S * (step + 1))[:, None]
+        points = start + drift + plans.displacement[:, step]
+        ahead = plans.made_at[:, None] + step + 1 > tick
+        return np.where((ahead & (plans.made_at[:, None] != NEVER))[:, :, None], points, np.nan).astype(
+            np.float32
+        )
 
     def forget(self, row: int) -> None:
         """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""

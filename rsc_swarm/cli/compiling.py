@@ -24,7 +24,7 @@ from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.machine.leaving import be_worker, nobody_asks
 from rsc_swarm.show.progress import Meter
 from world.core import Answers, Inbox, WorldCore
-from world.director import Director
+from world.director import Director, Swarm
 from world.faults import Event
 from world.outlets.judged import findings_of
 from world.outlets.recorder import Recorder
@@ -93,8 +93,8 @@ def _fly(policy: str = "rsc-h20") -> None:
         flight.tick()
 
 
-class _Idle:
-    """A swarm (world.director.Swarm) that does nothing."""
+class _Idle(Swarm):
+    """Does nothing."""
 
     def __init__(self, core: WorldCore) -> None:
         rows = core.shape[0] * core.shape[1]

@@ -40,7 +40,7 @@ def flown_by(
         yield Director(world, drones), drones
 
 
-class DronesApart(Closing):
+class DronesApart(Closing, Swarm):
     """The drones of one flight: a swarm (world.director.Swarm)."""
 
     def __init__(self, world: WorldCore, leave: Leave, rehearsal: bool = False) -> None:

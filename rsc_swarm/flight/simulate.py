@@ -7,6 +7,7 @@ exactly what the wire would carry, so a flight here has the digest of its twin i
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.core import AgentCore, Inputs
 from agent.policy import find_policy
@@ -103,6 +104,11 @@ class Simulation:
         world = self.world
         rows = np.flatnonzero(world.flying & world.responsive).tolist()
         return [(row, self.status(row, self.clock - 1)) for row in rows]
+
+    def plans(self, world: int) -> NDArray[np.float32] | None:
+        """Where the drones of this world plan to be, (N, P, 2) m."""
+        plans, agents = self.agents.plans(self.clock), self.world.shape[1]
+        return None if plans is None else plans[world * agents : (world + 1) * agents]
 
     def status(self, row: int, tick: int) -> AgentStatus:
         """The account of the drone in row world * N + agent; nothing is rejected where nothing is unpacked."""

@@ -76,7 +76,10 @@ def _again(
         while True:
             over = simulation.clock >= ticks or not simulation.world.active[0]
             if simulation.clock % _EVERY == 0 or over:
-                pictures.append(picture(simulation.world, simulation.director.statuses, 0.0).packed())
+                director = simulation.director
+                pictures.append(
+                    picture(director.core, director.statuses, 0.0, plans=director.plans()).packed()
+                )
                 progress(simulation.clock / max(ticks, 1))
             if over:
                 break

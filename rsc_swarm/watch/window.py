@@ -52,7 +52,7 @@ class Window:
         if (due or over) and tick != self._shown_tick:
             self._shown, self._shown_tick = now, tick
             factor = tick * TICK_S / max(now - self._began, 1e-9)
-            self.show(picture(core, director.statuses, factor).packed())
+            self.show(picture(core, director.statuses, factor, plans=director.plans()).packed())
         return 0.0 if over else self._wait_s(tick, now)
 
     def show(self, packed: bytes) -> None:

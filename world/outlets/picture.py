@@ -5,14 +5,16 @@ A picture goes as bytes, which a browser reads as they stand: little-endian, blo
     uint32              length of the head
     head                JSON, padded with spaces to a multiple of 4
     float32 (N, 11)     a drone each, the columns `COLUMNS`
+    float32 (K, P, 2)   where each drone plans to be next [m], NaN for what it does not plan; K = N, or 0 where nobody tells
     int16 (B, 3)        beliefs that differ from what is so: who believes, about whom, which slot
     int16 (L, 3)        links on which something was sent in the last 0.2 s: from, to, and a bit for each fate of a frame there:
                         1 carried, 2 lost, 4 delayed (world.medium.medium.FATES)
 """
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,6 +44,7 @@ LOST, FROZEN, FLYING = range(3)  #: states
 FARTHEST_M = 1e6  #: in place of infinity
 _MOST_BELIEFS = 10_000  # of a swarm that is at odds; more would say no more
 _RECENT_TICKS = 20
+_NO_PLANS = np.empty((0, 0, 2), np.float32)
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Picture:
     """One moment of one flight.
 
     drones: (N, 11) float32, per `COLUMNS`. beliefs: (B, 3) int16, who, about whom, which slot. links: (L, 3) int16, from, to,
-    fates. frames, swaps: counts so far.
+    fates. frames, swaps: counts so far. plans: (N, P, 2) float32 [m], or (0, P, 2).
     """
 
     tick: int
@@ -59,6 +62,7 @@ class Picture:
     links: NDArray[np.int16]
     frames: Mapping[str, int]
     swaps: Mapping[str, int]
+    plans: NDArray[np.float32] = field(default_factory=lambda: _NO_PLANS)
 
     def packed(self) -> bytes:
         """The bytes for the page."""
@@ -68,6 +72,7 @@ class Picture:
             "drones": len(self.drones),
             "beliefs": len(self.beliefs),
             "links": len(self.links),
+            "plans": self.plans.shape[:2],
             "frames": dict(self.frames),
             "swaps": dict(self.swaps),
         }
@@ -78,6 +83,7 @@ class Picture:
                 len(text).to_bytes(4, "little"),
                 text,
                 self.drones.astype("<f4").tobytes(),
+                self.plans.astype("<f4").tobytes(),
                 self.beliefs.astype("<i2").tobytes(),
                 self.links.astype("<i2").tobytes(),
             )
@@ -91,13 +97,14 @@ def unpacked(data: bytes) -> Picture:
     at = 4 + length
     blocks: list[NDArray[Any]] = []
     for kind, shape in (
-        ("<f4", (head["drones"], len(COLUMNS))), ("<i2", (head["beliefs"], 3)), ("<i2", (head["links"], 3))
+        ("<f4", (head["drones"], len(COLUMNS))), ("<f4", (*head["plans"], 2)), ("<i2", (head["beliefs"], 3)),
+        ("<i2", (head["links"], 3)),
     ):  # fmt: skip
-        block = np.frombuffer(data, kind, shape[0] * shape[1], at).reshape(shape)
+        block = np.frombuffer(data, kind, math.prod(shape), at).reshape(shape)
         at += block.nbytes
         blocks.append(block)
-    drones, beliefs, links = blocks
-    return Picture(head["tick"], head["factor"], drones, beliefs, links, head["frames"], head["swaps"])
+    drones, plans, beliefs, links = blocks
+    return Picture(head["tick"], head["factor"], drones, beliefs, links, head["frames"], head["swaps"], plans)
 
 
 def scene(core: WorldCore, world: int = 0) -> dict[str, Any]:
@@ -130,9 +137,13 @@ def scene_of(mission: Mission, obstacles: NDArray[np.float64], goal_x_m: float) 
 
 
 def picture(
-    core: WorldCore, statuses: Mapping[int, AgentStatus], real_time_factor: float, world: int = 0
+    core: WorldCore,
+    statuses: Mapping[int, AgentStatus],
+    real_time_factor: float,
+    world: int = 0,
+    plans: NDArray[np.float32] | None = None,
 ) -> Picture:
-    """One world as it is now; ``statuses``: the drones' own accounts, by agent number."""
+    """One world as it is now; ``statuses``: the drones' own accounts, by agent number. ``plans``: as Director's."""
     drones = np.empty((core.shape[1], len(COLUMNS)), np.float32)
     flying = core.flying[world]
     drones[:, 0:2], drones[:, 2:4] = core.position[world], core.velocity[world]
@@ -155,6 +166,7 @@ def picture(
             name: sum(status.swaps[index] for status in statuses.values())
             for index, name in enumerate(SWAP_COUNTS)
         },
+        _NO_PLANS if plans is None else plans,
     )
 
 

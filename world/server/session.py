@@ -23,7 +23,7 @@ from protocols.mission.document import Mission
 from protocols.wire import messages
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
-from world.director import Director
+from world.director import Director, Swarm
 from world.failsafe import Failsafe
 from world.faults import Event
 from world.outcome import Flown
@@ -43,7 +43,7 @@ _SNAPSHOT_S = 0.125
 _MOST_A_TICK = 4096  # messages that are read at the end of a tick in real time
 
 
-class WorldServer:
+class WorldServer(Swarm):
     """Runs one flight over a link: the swarm of `world.director.Director` whose drones are processes."""
 
     def __init__(

@@ -14,6 +14,7 @@ const LEGEND = [
   [line("bad"), "off by more than allowed"],
   ['<path d="M9 8h12M15 2v12" stroke="var(--soft)" stroke-width="1.5"/>', "where a slot is to be now"],
   ['<circle cx="15" cy="8" r="6" fill="var(--obstacle)"/><circle cx="15" cy="8" r="7.5" fill="none" stroke="var(--bad)" stroke-dasharray="2 2"/>', "obstacle; inside the ring is a collision"],
+  [line("ink", 'stroke-width="1.5"'), "where a drone plans to be next"],
   [line("carried", 'opacity=".4" stroke-width="5"'), "radio, last 0.2 s: heard"],
   [line("missed", 'stroke-dasharray="4 4"'), "radio: a frame was lost"],
   [line("delayed", 'stroke-dasharray="2 4"'), "radio: a frame came late"],
@@ -22,7 +23,7 @@ const LEGEND = [
 const KEYS = [
   ["space", "pause, go on"], ["← →", "a little back, forth (Shift: 1 s)"], ["Home End", "the beginning, the newest moment"], ["+ −", "zoom; the wheel does it too"],
   ["f  c", "the whole field; stay with the swarm"], ["drag", "move the field"], ["click, Shift+click", "choose a drone, choose several"], ["Esc", "choose nobody"],
-  ["k z t r", "kill, freeze, thaw, restart the chosen drones, if you may"], ["1 … 5", "trails, edges, places, numbers, links on and off"], ["d  l", "dark, light; legend on and off"], ["?", "this"],
+  ["k z t r", "kill, freeze, thaw, restart the chosen drones, if you may"], ["1 … 6", "trails, edges, places, numbers, links, plans on and off"], ["d  l", "dark, light; legend on and off"], ["?", "this"],
 ];
 
 const MARKS = [

@@ -1,6 +1,6 @@
 // The field from above. Metres: x forward is to the right, y left is up.
 
-import { CARRIED, COLUMNS, DELAYED, EDGE, FROZEN, LOST, MISSED, SLOT, STATE, VX, VY, X, Y, tree } from "./recording.js";
+import { CARRIED, COLUMNS, DELAYED, EDGE, FLYING, FROZEN, LOST, MISSED, SLOT, STATE, VX, VY, X, Y, tree } from "./recording.js";
 
 const TRAIL_S = 3, TRAIL_POINTS = 24;
 const NEAR = 9; // pixels to a metre, from which on there is room for outlines and dashes
@@ -90,6 +90,7 @@ export function draw(canvas, camera, recording, moment, shown, chosen) {
   if (shown.trails) trails(c, camera, ink, recording, moment);
   if (shown.links) links(c, camera, ink, moment, chosen);
   if (shown.edges) edges(c, camera, ink, scene, moment);
+  if (shown.plans) plans(c, camera, ink, moment);
   drones(c, camera, ink, moment, shown, chosen);
 }
 
@@ -185,6 +186,21 @@ function links(c, camera, ink, moment, chosen) {
     c.stroke();
   }
   c.globalAlpha = 1; c.setLineDash([]);
+}
+
+/** Where drones plan to be next, as far as they tell. */
+function plans(c, camera, ink, moment) {
+  const { ahead, points } = moment.plans;
+  c.strokeStyle = ink.ink; c.globalAlpha = 0.8; c.lineWidth = Math.max(1, Math.min(2, camera.scale / 10));
+  c.beginPath();
+  for (let drone = 0; 2 * drone * ahead < points.length; drone++) {
+    const row = drone * COLUMNS;
+    if (moment.drones[row + STATE] !== FLYING) continue;
+    c.moveTo(camera.sx(moment.drones[row + X]), camera.sy(moment.drones[row + Y]));
+    for (let at = 2 * drone * ahead; at < 2 * (drone + 1) * ahead; at += 2)
+      if (!Number.isNaN(points[at])) c.lineTo(camera.sx(points[at]), camera.sy(points[at + 1]));
+  }
+  c.stroke(); c.globalAlpha = 1;
 }
 
 function edges(c, camera, ink, scene, moment) {

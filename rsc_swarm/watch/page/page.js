@@ -10,10 +10,10 @@ import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
-const LAYERS = ["trails", "edges", "places", "numbers", "links"];
+const LAYERS = ["trails", "edges", "places", "numbers", "links", "plans"];
 
 const recording = new Recording(), camera = new Camera(), chosen = new Set();
-const shown = { trails: true, edges: true, places: true, numbers: true, slots: true, links: true };
+const shown = { trails: true, edges: true, places: true, numbers: true, slots: true, links: true, plans: true };
 const play = { time: 0, on: true, live: true, speed: 1, rate: 1 };
 const arrivals = []; // when pictures came, and up to which time of the flight, over the last second
 let marks = null, socket = null, connected = false, drawn = 0, noteUntil = 0;

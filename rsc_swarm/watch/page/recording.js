@@ -19,9 +19,10 @@ export function unpack(bytes, tick_s) {
     at += size;
     return new kind(copy.buffer);
   };
-  const drones = block(Float32Array, head.drones * COLUMNS);
+  const drones = block(Float32Array, head.drones * COLUMNS), [planners, ahead] = head.plans;
+  const plans = { ahead, points: block(Float32Array, 2 * planners * ahead) };
   const beliefs = block(Int16Array, 3 * head.beliefs), links = block(Int16Array, 3 * head.links);
-  return { ...head, time: head.tick * tick_s, count: head.drones, drones, beliefs, links };
+  return { ...head, time: head.tick * tick_s, count: head.drones, drones, plans, beliefs, links };
 }
 
 /** All pictures of one flight that have come so far, by their times. */

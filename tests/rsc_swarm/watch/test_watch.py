@@ -53,6 +53,23 @@ def test_a_picture_says_where_all_are_and_how():
     assert json.loads(json.dumps(scene(core)))["agents"] == 4
 
 
+def test_plans_are_where_drones_will_be():
+    simulation = Simulation([Mission(agents=4, policy="rsc-h20", obstacles={"count": (0, 0)})])
+    for _ in range(101):
+        simulation.tick()
+    director = simulation.director
+    plans = unpacked(picture(director.core, {}, 1.0, plans=director.plans()).packed()).plans
+    assert plans.shape == (4, 4, 2)
+    furthest = np.nanargmax(np.where(np.isnan(plans[:, :, 0]), -np.inf, 1.0 * np.arange(4)), axis=1)
+    meant = plans[range(4), furthest]
+    assert np.isfinite(meant).all(), "everybody has planned something that is not over"
+    nearest = np.full(4, np.inf)
+    for _ in range(21):
+        nearest = np.minimum(nearest, np.linalg.norm(director.core.position[0] - meant, axis=1))
+        simulation.tick()
+    assert (nearest < 0.1).all()
+
+
 def test_beliefs_are_those_that_are_wrong():
     simulation = flown(10)
     statuses = dict(simulation.director.statuses)
