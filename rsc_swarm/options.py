@@ -203,6 +203,9 @@ def resolve(options: MissionOptions) -> "Mission":
         _put(document, field, str(value) if isinstance(value, StrEnum) else value)
     for text in options.set or []:
         field, value = _setting(text)
+        for other, name in flags.items():
+            if f"{field}.".startswith(f"{other}.") or other.startswith(f"{field}."):
+                raise MissionError(f"--set {text}: {name} says something else of it; keep one")
         flags[field] = f"--set {field}"
         _put(document, field, value)
     try:
@@ -263,7 +266,7 @@ def anywhere(options: MissionOptions) -> MissionOptions:
     for text in options.set or []:
         field, value = _setting(text)
         if field == "policy" and isinstance(value, str):
-            policy = value  # --set comes after --policy
+            policy = value
         else:
             others.append(text)
     mission = options.mission

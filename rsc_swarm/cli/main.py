@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 
 from protocols.errors import ExitCode, SwarmError
 from rsc_swarm.machine.leaving import all_is_done, leave_at_once
@@ -15,6 +16,8 @@ def main() -> None:
     stand_by_streams()
     code = _carry_out(sys.argv[1:] or ["--help"])
     all_is_done()
+    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
+        os._exit(code)  # somebody's policy has a thread of its own, for which Python would wait
     sys.exit(code)
 
 

@@ -38,7 +38,7 @@ class Apart(Closing):
         """Fork it, and wait until it has made that.
 
         Raises:
-            PolicyError, KeyboardInterrupt: as `call`; and whatever ``make`` raises.
+            PolicyError: as `call`; and whatever ``make`` raises.
         """
         self._policy, self._leave = policy, leave
         self._log = tempfile.NamedTemporaryFile()  # noqa: SIM115  where its stack goes, if it is asked for
@@ -64,8 +64,8 @@ class Apart(Closing):
         """What this method returns or raises there.
 
         Raises:
-            PolicyStuck: asked to leave, and the policy does not return: soon, or asked again at once.
-            KeyboardInterrupt: so it was not the policy that took so long. PolicyError: the process has ended.
+            PolicyStuck: asked to leave, and the policy does not return: soon, or asked again at once. PolicyError: the process
+                has ended.
         """
         with suppress(OSError):  # it has ended; how is told below
             self._pipe.send((method, given))
@@ -89,9 +89,8 @@ class Apart(Closing):
     def _give_up(self) -> NoReturn:
         place = busy_at(self._pid, Path(self._log.name))
         self.close()
-        if place is None:
-            raise KeyboardInterrupt
-        raise PolicyStuck(f"policy {self._policy} did not return: it was stopped at {place}")
+        where = f" at {place}" if place else ""
+        raise PolicyStuck(f"policy {self._policy} did not return: it was stopped{where}")
 
     def _end(self) -> str:
         _, status = os.waitpid(self._pid, 0)

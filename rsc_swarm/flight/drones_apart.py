@@ -29,7 +29,7 @@ def flown_by(
     """Who flies a mission in this process, with a policy of somebody's own apart; the arguments are those of `Simulation`.
 
     Raises:
-        world.field.FieldError, PolicyError: it cannot be flown. KeyboardInterrupt: asked to leave meanwhile.
+        world.field.FieldError, PolicyError: it cannot be flown.
     """
     if not is_own(mission.policy):
         simulation = Simulation([mission], rehearsal, watched=watched)
@@ -47,7 +47,7 @@ class DronesApart(Closing, Swarm):
         """The drones of this world's flight, whose policy may be left; rehearsal: as `Simulation`.
 
         Raises:
-            PolicyError, KeyboardInterrupt: as `Apart`.
+            PolicyError: as `Apart`.
         """
         (mission,) = world.missions
         self._world, self._clock = world, 0

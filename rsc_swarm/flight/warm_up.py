@@ -41,7 +41,7 @@ def try_policy(policy: str, work: Callable[[], object]) -> None:
     """Do this work where it can be left, if it is that of somebody's own policy, before this process does it.
 
     Raises:
-        PolicyError, KeyboardInterrupt: as `Apart`; and whatever ``work`` raises.
+        PolicyError: as `Apart`; and whatever ``work`` raises. KeyboardInterrupt: asked to leave meanwhile.
     """
     if is_own(policy):
         with _may_leave() as leave, Apart(work, policy, leave):

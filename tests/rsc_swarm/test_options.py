@@ -71,6 +71,10 @@ def parsed(words: list[str]) -> MissionOptions:
     return got[0]
 
 
+def field_of(setting: str) -> str:
+    return setting.partition("=")[0]
+
+
 share, milliseconds = st.floats(0, 1), st.just(0.0) | st.floats(5, 500)
 words = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.isprintable)
 asked = st.fixed_dictionaries(
@@ -95,7 +99,8 @@ asked = st.fixed_dictionaries(
                 st.builds("start.radius_m={:.9f}".format, st.floats(0, 5)),
                 st.builds("obstacles.discs=[[20, 0, {:.17f}]]".format, st.floats(1, 2)),
                 st.sampled_from(["policy=homing.py:Homing", "start.scrambled=true", "name='it''s \"so\"'"]),
-            )
+            ),
+            unique_by=field_of,
         ),
     },
 )
@@ -108,11 +113,13 @@ asked = st.fixed_dictionaries(
         "loss": 0.1234567890123,
         "delay_ms": 123456.789e-3,
         "set": ["policy=homing.py:Homing"],
-        "policy": "cruise",
     }
 )
+@example({"policy": "cruise", "set": ["hold_s=1"]})
 def test_the_command_that_flies_it_again_flies_the_same_mission_from_any_folder(asked):
-    options = MissionOptions(**asked)
+    twice = {"policy"} & {*asked}
+    others = [setting for setting in asked.get("set", []) if field_of(setting) not in twice]
+    options = MissionOptions(**{**asked, "set": others})
     name, verb, *again = shlex.split(command_line("simulate", options))
     assert (name, verb) == ("rsc-swarm", "simulate")
     first, second = resolve(options), resolve(parsed(again))
@@ -187,3 +194,31 @@ def test_a_printed_mission_is_the_same_mission(tmp_path):
         file = tmp_path / "printed.yaml"
         file.write_text(mission_yaml(mission))
         assert resolve(MissionOptions(mission=str(file))) == mission
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (
+            {"set": ["radio.loss=0.1", "radio.loss=0.2"]},
+            "--set radio.loss=0.2: --set radio.loss says something else of it; keep one",
+        ),
+        (
+            {"set": ["radio.loss=0.2"], "loss": 0.1},
+            "--set radio.loss=0.2: --loss says something else of it; keep one",
+        ),
+        (
+            {"set": ["radio={hops: 2}"], "loss": 0.1},
+            "--set radio={hops: 2}: --loss says something else of it; keep one",
+        ),
+        (
+            {"set": ["radio={hops: 2}", "radio.loss=0.2"]},
+            "--set radio.loss=0.2: --set radio says something else of it; keep one",
+        ),
+    ],
+)
+def test_what_is_said_twice_is_refused(given, complaint):
+    with pytest.raises(MissionError) as refused:
+        resolve(MissionOptions(**given))
+    assert str(refused.value) == complaint
+    resolve(MissionOptions(set=["radio.loss=0.2", "radio.hops=2"]))

@@ -14,6 +14,12 @@ import yaml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 _RUN = [sys.executable, "-m", "rsc_swarm"]
+_IMPATIENT = """
+from rsc_swarm.air import station
+from rsc_swarm.cli.main import main
+station._STEPS["preflight"] = station._STEPS["preflight"]._replace(within_s={})
+main()
+"""
 # A machine that runs tests is busy: who is not led for two seconds, or sees others late, has not failed.
 _PATIENT = {"setpoint_land_s": 5, "clock_hold_ms": 150, "clock_land_ms": 2000}
 _ports = itertools.count(10000 + os.getpid() % 1000 * 20, 20)  # twenty for each fleet of a test run
@@ -46,10 +52,11 @@ class Fleet:
                 air.terminate()
                 air.wait(60)
 
-    def operator(self, steps: str) -> subprocess.Popen[bytes]:
-        """An operator at work."""
+    def operator(self, steps: str, preflight_s: float | None = None) -> subprocess.Popen[bytes]:
+        """An operator at work; one may wait for preflight no longer than so many seconds."""
         flights = str(self.folder / "ground")
-        command = [*_RUN, "ground", "--fleet", str(self.file), "--do", steps, "--run-dir", flights]
+        run = [sys.executable, "-c", _IMPATIENT.format(preflight_s)] if preflight_s else _RUN
+        command = [*run, "ground", "--fleet", str(self.file), "--do", steps, "--run-dir", flights]
         with (self.folder / "ground.log").open("wb") as log:
             return subprocess.Popen(command, stdout=log, stderr=log)
 

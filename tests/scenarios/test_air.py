@@ -47,7 +47,8 @@ def test_nothing_flies_before_preflight_is_green(tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     other = Fleet(tmp_path / "other", radio={"port": fleet.port}, height_m=0.9)
     with other.in_the_air():
-        operator = fleet.operator("preflight,arm,takeoff,go")
+        other.await_said("ready after", 6, 120)
+        operator = fleet.operator("preflight,arm,takeoff,go", preflight_s=5.0)
         assert operator.wait(100) == 1
     assert "it has another fleet file" in fleet.told
     assert "armed" not in other.log

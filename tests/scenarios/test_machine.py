@@ -12,7 +12,8 @@ from rsc_swarm.selfcheck.watched import SMALL, Seen, Watched, start
 
 def in_flight(here: Path, *words: str) -> Watched:
     """A launch that has shown a tick."""
-    watched = start(["launch", "--agents", "3", *SMALL, "--set", "fly_s=600", *words], here)
+    long = [word.replace("fly_s=6", "fly_s=600") for word in SMALL]
+    watched = start(["launch", "--agents", "3", *long, *words], here)
     assert watched.process.stderr is not None
     for line in watched.process.stderr:
         if line.startswith("t "):

@@ -63,7 +63,7 @@ def test_a_launch_by_a_file_is_the_flight_of_its_simulation(folder: Path) -> Non
     assert digests[0] == digests[1]
 
 
-@pytest.mark.parametrize("verb", ["simulate", "launch", "evaluate --maps 2 --starts 1 --workers 2"])
+@pytest.mark.parametrize("verb", ["launch", "evaluate --maps 2 --starts 1 --workers 2"])
 def test_a_policy_that_raises_is_one_line_with_its_place(folder: Path, verb: str) -> None:
     (folder / "homing.py").write_text(POLICY.format(at=60, does="raise KeyError('oops')"))
     said = swarm(folder, *verb.split(), "-n", "3", "--policy", "homing.py:Homing")
@@ -79,6 +79,9 @@ def test_what_was_flown_before_a_policy_raised_is_kept(folder: Path) -> None:
         folder, "simulate", "-n", "3", "--policy", "homing.py:Homing", "--run-dir", "run", "--json", "r.json"
     )
     assert said.returncode == 2
+    line = "rsc-swarm: policy homing.py:Homing raised KeyError: 'oops' at homing.py:11 (act)"
+    assert said.stderr.splitlines()[-1] == line
+    assert said.stdout.partition(" at t")[0] == "STOPPED: interrupted"
     kept = json.loads((folder / "r.json").read_text())
     assert kept == json.loads((folder / "run" / "report.json").read_text())
     assert (kept["success"], kept["failure"], kept["ticks"]) == (False, "interrupted", 60)
@@ -90,7 +93,6 @@ def test_what_was_flown_before_a_policy_raised_is_kept(folder: Path) -> None:
 
 HANGS = {
     "loop": "while True: pass",
-    "sleep": "import time; time.sleep(1e6)",
     "compiled": "import numba; numba.njit(spin)(1)",
 }
 
@@ -157,3 +159,12 @@ def test_a_policy_may_print(folder: Path) -> None:
     said = swarm(folder, "simulate", "-n", "3", "--policy", "homing.py:Homing", "--json", "-")
     assert json.loads(said.stdout)["policy"] == "homing.py:Homing"
     assert said.stderr.splitlines().count("here") == said.stderr.splitlines().count("read") == 1
+
+
+def test_a_thread_of_a_policy_keeps_no_command_from_leaving(folder: Path) -> None:
+    thread = "import threading, time; threading.Thread(target=time.sleep, args=(1e6,)).start()"
+    (folder / "my_gains.py").write_text(f"{thread}\nGAIN = 1.0\n")
+    (folder / "homing.py").write_text(POLICY.format(at=-1, does="pass"))
+    said = swarm(folder, "mission", "--check", "--set", "policy=homing.py:Homing")
+    assert (said.returncode, said.stderr) == (0, "")
+    assert said.stdout.startswith("mission: can be flown")
