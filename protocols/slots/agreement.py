@@ -24,9 +24,8 @@ The rules
     7. The dead cannot answer: whoever takes a dead agent's slot commits alone (`vacate`). If two do, the
        order of swaps decides. Only the follower of a slot may take it, and each agent `MAX_TAKEN` times.
     8. An amnesiac agrees to nothing before it has caught up. The nonces of its swaps begin with the number of
-       its boot, so it never uses a swap's name again. A dead agent's slot it may take once one neighbour that remembers
-       has had what it has: a taking undoes no swap that two agreed to, whatever its agent has forgotten, and nobody else
-       may be there to take it.
+       its boot, so it never uses a swap's name again. A dead agent's slot it may take all the same: a taking undoes no swap
+       that two agreed to, whatever its agent has forgotten, and nobody else may be left to take it.
     9. Who lets promises made to it time out, or asks anew instead of committing, cannot keep its partner: a promise is
        renewed for `lock_ticks` at most, and after one has timed out its proposer is refused for `cooldown_ticks`.
 
@@ -153,8 +152,8 @@ class SlotParty:
         """True if this agent may take that one's slot now, if it is dead."""
         slots = self.slot_of
         op = Swap(1, self.me, 0, slots[self.me], dead, slots[dead], taken=True)
-        knows = self.stance is Stance.IDLE or (self.stance is Stance.AMNESIAC and self._gossip.has_a_witness)
-        return knows and self._rules.allows(op) and len(self.book.taken_by(self.me)) < MAX_TAKEN
+        free = (self.stance, "vacate") in TURNS
+        return free and self._rules.allows(op) and len(self.book.taken_by(self.me)) < MAX_TAKEN
 
     def vacate(self, dead: int, tick: int) -> None:
         """Take a dead agent's slot and leave it mine, at once. IllegalSwap if engaged, or if it may not."""

@@ -89,11 +89,6 @@ class SlotGossip:
             self.book.settled < self.book.count or self._repair_left or self._teach_left or self.amnesiac
         )
 
-    @property
-    def has_a_witness(self) -> bool:
-        """True if a neighbour that remembers has had an amnesiac's swaps."""
-        return bool(self._witnesses)
-
     def commit(self, swap: Sealed) -> None:
         """Add a swap of my own."""
         self._enter((swap,))

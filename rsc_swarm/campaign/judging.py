@@ -5,7 +5,7 @@
     liveness    after the last trouble is over: all living drones come to one view, and to the goal in formation, in time
 
 What nobody could have prevented is no breach: a drone that hangs drifts on, so what it hits while it hangs, or before it can have
-braked after, is counted as excused.
+braked after, is counted as excused; so is what a dead drone hits that comes back where it died, perhaps amid the others.
 """
 
 import re
@@ -71,19 +71,19 @@ def excuse(mission: Mission, closest: str) -> str | None:
     agents = [int(text[1])] if "obstacle" in closest else [int(text[1]), int(text[3])]
     at_s, slots = float(text[4]), draw_slots(mission).tolist()
     for agent in agents:
-        for begin, end in _hung(mission, agent, slots):
+        for begin, end in _away(mission, agent, slots):
             if begin < at_s <= end + _BRAKING_S:
-                return f"agent {agent} hung from {begin:g} to {end:g} s"
+                return f"agent {agent} hung, or was dead, from {begin:g} to {end:g} s"
     return None
 
 
-def _hung(mission: Mission, agent: int, slots: list[int]) -> list[tuple[float, float]]:
+def _away(mission: Mission, agent: int, slots: list[int]) -> list[tuple[float, float]]:
     """When the drone neither sensed nor answered: (from, to) in seconds."""
     spells, since = [], None
     for fault in sorted(mission.faults, key=lambda fault: fault.at_s):
         struck = agent in fault.agents or slots[agent] in fault.slots
-        if struck and fault.kind == "freeze":
-            since = fault.at_s
+        if struck and fault.kind in ("freeze", "kill"):
+            since = fault.at_s if since is None else since
         elif struck and fault.kind in ("thaw", "restart") and since is not None:
             spells.append((since, fault.at_s))
             since = None

@@ -63,7 +63,7 @@ def schedules(mission: Mission, budget: Budget, weathers: int = 0) -> SearchStra
 
     def made(troubles: tuple[Trouble, ...], radio: Radio, map_seed: int, seed: int) -> Schedule:
         fields = {"radio": radio, "map_seed": map_seed, "seed": seed}
-        return Schedule(longer.model_copy(update=fields), troubles)
+        return Schedule(longer.model_copy(update=fields), tuple(_under(radio, faults) for faults in troubles))
 
     return st.builds(made, _troubles(longer, budget), st.sampled_from(flyable), seeds, seeds)
 
@@ -116,7 +116,7 @@ def _troubles(draw: st.DrawFn, mission: Mission, budget: Budget) -> tuple[Troubl
             _slow, drone, begin, lasting(budget.slow_s), st.integers(round(100 * budget.slow_factor), 99)
         ),
         "spell": st.builds(
-            _spell(mission.radio.loss),
+            _spell,
             begin,
             lasting(budget.spell_s),
             st.integers(1, round(100 * budget.spell_loss)),
@@ -155,14 +155,15 @@ def _slow(drone: int, begin: int, lasting: int, percent: int) -> Trouble:
     ]
 
 
-def _spell(usual: float) -> Any:
-    def made(begin: int, lasting: int, percent: int) -> Trouble:
-        return [
-            _at(begin, "loss", loss=max(usual, percent / 100)),
-            _at(begin + lasting, "loss", loss=usual),
-        ]
+def _spell(begin: int, lasting: int, percent: int) -> Trouble:
+    return [_at(begin, "loss", loss=percent / 100), _at(begin + lasting, "loss", loss=0.0)]
 
-    return made
+
+def _under(radio: Radio, faults: Trouble) -> Trouble:
+    """The same with a radio that is worse by itself: no spell makes it better."""
+    return [
+        {**fault, "loss": max(fault["loss"], radio.loss)} if "loss" in fault else fault for fault in faults
+    ]
 
 
 def _part(agents: int) -> Any:

