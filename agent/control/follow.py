@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.apf import Apf, apf_for, safety_controller
 from agent.control.attraction import Aim
 from agent.control.fusion import apf_blend
 from agent.control.gains import Gains, gains_for, reactive_part
@@ -28,11 +29,13 @@ from protocols.mission.document import Mission
 
 class Following(NamedTuple):
     """How plans are flown: by the paper's a_req or smoothly; the distance at which the blend begins [m], 0 for none; and what
-    is blended in."""
+    is blended in: the reactive part of the analytic controller, or with ``papers`` the paper's safety controller."""
 
     required: bool
     blend_radius_m: float
     reactive: Gains
+    papers: bool
+    apf: Apf
 
 
 def following_of(mission: Mission) -> Following:
@@ -42,6 +45,8 @@ def following_of(mission: Mission) -> Following:
         required=trajectory.tracking == "required",
         blend_radius_m=trajectory.blend_radius_m if trajectory.blend else 0.0,
         reactive=reactive_part(gains_for(mission.limits.collision_m)),
+        papers=trajectory.blend_with == "paper",
+        apf=apf_for(mission.limits.collision_m),
     )
 
 
@@ -101,5 +106,8 @@ def follow_row(
     r_agent, r_obs = _nearest(near, discs)
     if min(r_agent, r_obs) >= following.blend_radius_m:
         return a_x, a_y
-    apf_x, apf_y = analytic(aim, near, discs, following.reactive)
+    if following.papers:
+        apf_x, apf_y = safety_controller(aim, discs, following.apf)
+    else:
+        apf_x, apf_y = analytic(aim, near, discs, following.reactive)
     return apf_blend(a_x, a_y, apf_x, apf_y, r_agent, r_obs, following.blend_radius_m)

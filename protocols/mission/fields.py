@@ -154,6 +154,10 @@ class Trajectory(Section):
     )
     blend: Flag = Field(True, description="the nearer an obstacle or drone, the more the reactive controller")
     blend_radius_m: Positive = 2.5
+    blend_with: Literal["analytic", "paper"] = Field(
+        "analytic",
+        description="the reactive controller: our own, or the paper's obstacle and goal terms alone",
+    )
     replan_ticks: Annotated[Count, Field(ge=1, le=1000)] | None = Field(
         None, description="ticks from plan to plan; none: as the policy's model says"
     )

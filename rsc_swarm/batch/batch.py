@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.follow import following_of
-from agent.memory import empty_memory
+from agent.memory import empty_memory, forget
 from agent.observation import WIDE_SIZE
 from agent.rules import rules_of, shape_of
 from agent.tick_arrays import TickArrays, empty_views, empty_work
@@ -18,14 +18,15 @@ from protocols.dynamics import TICK_S
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.frames import OBSERVATION_SIZE, empty_frames
-from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
+from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES, empty_sensed
 from rsc_swarm.batch import kernel as kernels
-from rsc_swarm.batch.kernel import ANALYTIC, EXPERT, FLYING, PAST, PLAN
+from rsc_swarm.batch import stage as stages
+from rsc_swarm.batch.stage import ANALYTIC, EXPERT, FLYING, PAST, PLAN
 from world import field, referee
 from world.outcome import Outcome
 
 NEIGHBOURS = 8  # neighbours noted per drone and tick
-_FAILURES = {kernels.COLLIDED: "collision", kernels.LATE: "late"}
+_FAILURES = {stages.COLLIDED: "collision", stages.LATE: "late"}
 
 
 def check_flyable(mission: Mission) -> None:
@@ -47,7 +48,10 @@ def check_flyable(mission: Mission) -> None:
             "radio: the batch simulation's is perfect",
         ),
         (mission.frame_every > 1, "radio.frame_rate_hz: the batch simulation has 100"),
-        (mission.aim == "chain", "aim: the batch simulation knows only slot"),
+        (
+            hears(mission) and radio.range_m != mission.sensing.range_m,
+            "radio.range_m: where frames are heard in the batch simulation, that is as far as sensors see",
+        ),
         (mission.sensing.neighbours == "heard", "sensing.neighbours: the batch simulation knows only sensed"),
         (mission.hold_s, "hold_s: the batch simulation ends at success"),
     ):
@@ -55,15 +59,21 @@ def check_flyable(mission: Mission) -> None:
             raise MissionError(f"{what}; fly this with rsc-swarm simulate")
 
 
-class Batch:
-    """E worlds of N drones. ``stage`` holds all arrays, filled in place (rsc_swarm.batch.kernel.Stage)."""
+def hears(mission: Mission) -> bool:
+    """Whether drones must know who is out of sight: to aim by the leader, or to swap only where all stay connected."""
+    return mission.aim == "chain" or (mission.swap.connected and mission.swap.rule != "off")
 
-    def __init__(self, missions: Sequence[Mission], ends: bool = True) -> None:
+
+class Batch:
+    """E worlds of N drones. ``stage`` holds all arrays, filled in place (rsc_swarm.batch.stage.Stage)."""
+
+    def __init__(self, missions: Sequence[Mission], ends: bool = True, papers: bool = False) -> None:
         """Begin one episode per mission; they must agree in all but seeds and obstacles.
 
         Args:
             ends: an episode ends at the paper's success, a collision, or the time limit. Else it goes on until somebody sets its
                 ``stage.result``.
+            papers: the expert is the paper's (agent.control.apf), not ours.
 
         Raises:
             MissionError: as `check_flyable`. world.field.FieldError: no room to start.
@@ -72,7 +82,8 @@ class Batch:
         check_flyable(mission)
         worlds, agents = self.worlds, self.agents = len(missions), mission.agents
         rows, both = worlds * agents, (worlds, agents)
-        self.stage = kernels.Stage(
+        listening = hears(mission)
+        self.stage = stages.Stage(
             pilot=np.full(worlds, EXPERT, np.int8),
             ticks=np.zeros(worlds, np.int64),
             result=np.zeros(worlds, np.int8),
@@ -100,7 +111,7 @@ class Batch:
         )
         self._laid_out = by_reference(self.stage)
         self._field = by_reference(
-            kernels.Field(
+            stages.Field(
                 a_max=mission.limits.acceleration_mps2,
                 v_max=mission.limits.speed_mps,
                 spacing_m=mission.layout.spacing,
@@ -109,11 +120,14 @@ class Batch:
                 last_tick=mission.ticks,
                 cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
                 ends=ends,
+                hears=listening,
+                both_rest=mission.swap.protocol == "agreed",
+                papers=papers,
                 following=following_of(mission),
             )
         )
         self._scratch = by_reference(
-            kernels.Scratch(
+            stages.Scratch(
                 np.zeros(agents, np.int64),
                 np.zeros((MAX_OBSTACLES, 2)),
                 np.zeros(MAX_OBSTACLES),
@@ -124,10 +138,12 @@ class Batch:
             rules_of(mission),
             shape_of(mission),
             empty_views(rows, agents),
-            empty_work(np.tile(np.arange(agents), worlds)),
+            empty_work(np.tile(np.arange(agents), worlds))._replace(
+                inbox=np.zeros(rows * MAX_NEAR, np.int64)
+            ),
             empty_sensed(rows),
-            empty_frames(1),
-            empty_memory(rows, 1),
+            empty_frames(2 * rows if listening else 1),
+            empty_memory(rows, agents if listening else 1),
         )
         self._arrays = by_reference(self._parts)
         for world, one in enumerate(missions):
@@ -153,8 +169,9 @@ class Batch:
         stage.ticks[world], stage.result[world], stage.swaps[world] = 0, FLYING, 0
         stage.closest[world], stage.formed[world] = np.inf, -1
         views.slot_of[rows] = stage.claim[world]
-        memory.disc_count[rows] = 0
-        memory.stalled[rows] = 0
+        views.occupant[rows] = np.argsort(stage.claim[world])
+        for row in range(rows.start, rows.stop):
+            forget(memory, row, 0)
         kernels.begin(world, self._laid_out, self._field, self._arrays)
 
     def label(self, horizon: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -200,7 +217,7 @@ class Batch:
         """How the episode of ``world`` ended, as a flight's report has it."""
         stage, verdict = self.stage, referee.Verdict._make(self.stage.findings.verdict[world].tolist())
         success, ticks, formed = (
-            stage.result[world] == kernels.SUCCEEDED,
+            stage.result[world] == stages.SUCCEEDED,
             int(stage.ticks[world]),
             int(stage.formed[world]),
         )

@@ -1,6 +1,7 @@
-"""The centralized expert, flown for evaluations: one mind sees all drones, so it is no policy that a drone could have.
+"""The centralized experts, flown for evaluations: one mind sees all drones, so they are no policies that a drone could have.
 
-It flies in the batch simulation, without radio; what is told of the slot protocol is empty.
+``expert`` is ours, ``paper-expert`` the paper's (agent.control.apf). They fly in the batch simulation; what is told of the slot
+protocol is empty.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,20 +12,17 @@ import numpy as np
 
 from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
-from rsc_swarm.batch import batch
-from rsc_swarm.batch import kernel as kernels
+from rsc_swarm.batch import batch, kernel, looking, stage
 from rsc_swarm.batch.batch import Batch
-from rsc_swarm.batch.kernel import FLYING
+from rsc_swarm.batch.stage import FLYING, LATE, SUCCEEDED
 from world.invariants import Watched
 from world.outcome import Judgement, Outcome
 from world.referee import Verdict
 
-EXPERT = "expert"
-FILES = (
-    Path(batch.__file__),
-    Path(kernels.__file__),
-    Path(__file__),
-)  # what besides the rules decides its flights
+PAPERS = "paper-expert"
+EXPERTS = ("expert", PAPERS)
+_CODE = (*(str(part.__file__) for part in (batch, kernel, looking, stage)), __file__)
+FILES = tuple(map(Path, _CODE))  # what besides the rules decides their flights
 _ONE_VIEW = Watched(
     breach=None, views_differ_s=0.0, agreed_after_s=0.0, allowed_after_s=0.0, agreed=True, most_swaps_in_a_second=0, undone=0
 )  # fmt: skip
@@ -37,26 +35,26 @@ def fly_expert(missions: Sequence[Mission], every: int) -> Iterator[_Ended | int
     Raises:
         protocols.mission.document.MissionError: the batch simulation cannot fly this. world.field.FieldError: no room to start.
     """
-    flight = Batch(missions, ends=False)
-    stage = flight.stage
+    flight = Batch(missions, ends=False, papers=missions[0].policy == PAPERS)
+    worlds = flight.stage
     judgements = [Judgement(mission) for mission in missions]
     made = np.zeros(len(missions), np.int64)
     flown = 0
-    while flying := np.flatnonzero(stage.result == FLYING).tolist():
+    while flying := np.flatnonzero(worlds.result == FLYING).tolist():
         flight.fly(1)
         flown += len(flying)
         if flown >= every * len(missions):
             yield flown
             flown = 0
-        verdicts = stage.findings.verdict.tolist()
+        verdicts = worlds.findings.verdict.tolist()
         for world in flying:
-            judgement, tick = judgements[world], int(stage.ticks[world])
-            judgement.settle(tick, Verdict._make(verdicts[world]), stage.position[world])
+            judgement, tick = judgements[world], int(worlds.ticks[world])
+            judgement.settle(tick, Verdict._make(verdicts[world]), worlds.position[world])
             if judgement.decision is None:
-                made[world] = stage.swaps[world]
+                made[world] = worlds.swaps[world]
             if not judgement.over:
                 continue
-            stage.result[world] = kernels.SUCCEEDED if judgement.decision == "" else kernels.LATE
-            outcome = judgement.outcome(tick, "", stage.flying[world])
+            worlds.result[world] = SUCCEEDED if judgement.decision == "" else LATE
+            outcome = judgement.outcome(tick, "", worlds.flying[world])
             swaps = {**dict.fromkeys(SWAP_COUNTS, 0), "committed": int(made[world])}
             yield world, replace(outcome, digest=""), _ONE_VIEW, swaps

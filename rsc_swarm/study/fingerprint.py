@@ -10,7 +10,7 @@ import numpy as np
 
 from agent.policy import files_of, find_policy
 from protocols.mission.document import Mission
-from rsc_swarm.batch.expert import EXPERT
+from rsc_swarm.batch.expert import EXPERTS
 from rsc_swarm.batch.expert import FILES as EXPERT_FILES
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +28,7 @@ def fingerprint(mission: Mission) -> str:
     fields = mission.model_dump(mode="json", exclude={"map_seed", "seed", "name"})
     digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
     digest.update(code_fingerprint().encode())
-    expert = mission.policy == EXPERT
+    expert = mission.policy in EXPERTS
     for path in EXPERT_FILES if expert else files_of(find_policy(mission.policy, mission)):
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -20,7 +20,7 @@ from protocols.errors import BrokenError, SwarmError
 from protocols.mission.document import Mission
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
-from rsc_swarm.batch.expert import EXPERT, fly_expert
+from rsc_swarm.batch.expert import EXPERTS, fly_expert
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.flight.warm_up import try_policy
 from rsc_swarm.machine.leaving import be_worker, nobody_asks
@@ -89,7 +89,7 @@ def _fly_task(code: str, mission: Mission, seeds: list[Seeds]) -> list[Flight]:
 
 
 def _in_step(mission: Mission) -> int:
-    return max(1, ROWS // mission.agents) if mission.policy == EXPERT else flights_at_once(mission)
+    return max(1, ROWS // mission.agents) if mission.policy in EXPERTS else flights_at_once(mission)
 
 
 def _batches(seeds: list[Seeds], size: int) -> list[list[Seeds]]:
@@ -115,7 +115,7 @@ def fly_together(missions: list[Mission]) -> Iterator[tuple[int, Flight] | int]:
     """
     seeds = [(mission.map_seed, mission.seed) for mission in missions]
     agents = missions[0].agents
-    if missions[0].policy == EXPERT:
+    if missions[0].policy in EXPERTS:
         for said in fly_expert(missions, _TELL_EVERY):
             if isinstance(said, int):
                 yield said
@@ -209,7 +209,7 @@ def _fly_elsewhere(
 def _rehearse(mission: Mission, seeds: Seeds) -> None:
     """Load every kernel, but nothing that must not be forked."""
     missions = _missions(mission, [seeds])
-    if mission.policy == EXPERT:
+    if mission.policy in EXPERTS:
         Batch(missions).fly(1)
     else:
         try_policy(mission.policy, lambda: Simulation(missions, rehearsal=True).tick())

@@ -13,7 +13,7 @@ from scipy.stats import binom, binomtest, kstest
 from agent.control.flocking import Flocking, alpha_term, beta_term, gamma_term, sigma_norm, sigmoid
 from agent.control.halfplanes import least_violation, nearest_point
 from agent.control.tracking import required_acceleration, smooth_acceleration
-from rsc_swarm.study.evaluate import failure_bound, wilson
+from rsc_swarm.study.intervals import failure_bound, wilson
 from world.medium import chance
 
 RADIUS = 10.0

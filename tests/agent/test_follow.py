@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from agent.control.apf import APF, safety_controller
 from agent.control.attraction import Aim
 from agent.control.follow import Following, Plan, follow_row, following_of, track_row
 from agent.control.gains import GAINS, gains_for, reactive_part
@@ -87,6 +88,15 @@ def test_the_nearer_the_next_thing_the_more_the_reactive_controller_counts() -> 
     assert wanted == pytest.approx(tuple(2 / 3 * a for a in reactive))
 
 
+def test_the_papers_safety_controller_may_be_blended_in() -> None:
+    """It looks at obstacles and the goal alone, so a drone nearby only makes it count more."""
+    papers = following_of(Mission(trajectory=Trajectory(blend_radius_m=1.5, blend_with="paper")))
+    disc = Discs(1, np.array([[4.0, 0.0]]), np.array([2.0]), np.zeros(1, np.int8))
+    aim = Aim((0.0, 0.0), (1.0, 0.5), tuple(START[2:]), (3.0, 0.0))
+    wanted, _ = follow(papers, [(0.0, 0.75)], [(4.0, 0.0, 2.0)])
+    assert wanted == pytest.approx(tuple(0.5 * a for a in safety_controller(aim, disc, papers.apf)))
+
+
 def test_without_the_blend_only_the_plan_counts() -> None:
     alone = following_of(Mission(trajectory=Trajectory(blend=False)))
     assert follow(alone, [(0.0, 0.6)], [(2.5, 0.0, 2.0)])[0] == (0.0, 0.0)
@@ -95,6 +105,6 @@ def test_without_the_blend_only_the_plan_counts() -> None:
 def test_a_mission_says_how_plans_are_flown() -> None:
     mission = parse_mission({"trajectory": {"tracking": "required", "blend_radius_m": 2.0}})
     reactive = reactive_part(GAINS)
-    assert following_of(mission) == Following(required=True, blend_radius_m=2.0, reactive=reactive)
+    assert following_of(mission) == Following(True, 2.0, reactive, papers=False, apf=APF)
     wide = following_of(parse_mission({"limits": {"collision_m": 0.9}}))
     assert wide.reactive == reactive_part(gains_for(0.9))

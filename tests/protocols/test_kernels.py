@@ -31,7 +31,7 @@ PROBE = """
 from agent.control.gains import GAINS
 from protocols.dynamics import TICK_S
 from protocols.kernels import kernel
-from rsc_swarm.batch.kernel import PAST
+from rsc_swarm.batch.stage import PAST
 from world.medium.chance import LOSS
 
 @kernel

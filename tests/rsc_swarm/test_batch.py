@@ -7,8 +7,9 @@ import pytest
 
 from agent.control.detour import STALLED_TICKS
 from protocols.mission.document import Mission, MissionError, parse_mission
+from protocols.relative import UNKNOWN
 from rsc_swarm.batch.batch import Batch
-from rsc_swarm.batch.kernel import FLYING, SUCCEEDED
+from rsc_swarm.batch.stage import FLYING, SUCCEEDED
 from rsc_swarm.flight.simulate import Simulation, simulate
 
 
@@ -30,6 +31,44 @@ def test_the_analytic_controller_flies_bit_for_bit_what_it_flies_in_a_simulation
             simulation.tick()
         assert np.array_equal(batch.stage.position, simulation.world.position)
         assert np.array_equal(batch.stage.velocity, simulation.world.velocity)
+
+
+@pytest.mark.parametrize("agents", [6, 12])
+def test_whoever_aims_by_the_leader_flies_bit_for_bit_so_too(agents: int) -> None:
+    """On starts this wide some leaders are two and three hops away, and some out of reach."""
+    fields: dict[str, Any] = {"agents": agents, "aim": "chain", "start": {"radius_m": 6}}
+    batch, simulation = Batch(missions(2, **fields)), Simulation(missions(2, **fields))
+    hops: set[int] = set()
+    for _ in range(8):
+        batch.fly(37, analytic=True)
+        for _ in range(37):
+            simulation.tick()
+            hops |= set(simulation.agents._memory.hops.ravel().tolist())
+        assert np.array_equal(batch.stage.position, simulation.world.position)
+    assert {1, 2, 3, UNKNOWN} <= hops
+
+
+def test_a_label_leaves_what_was_heard_as_it_was() -> None:
+    fields: dict[str, Any] = {"aim": "chain", "start": {"radius_m": 6}}
+    batch, untouched = Batch(missions(2, **fields), papers=True), Batch(missions(2, **fields), papers=True)
+    for _ in range(5):
+        batch.label(20)
+        for one in (batch, untouched):
+            one.fly(15, analytic=True)
+        assert np.array_equal(batch.stage.target, untouched.stage.target)
+        assert np.array_equal(batch.stage.position, untouched.stage.position)
+
+
+def test_leader_and_follower_swap_only_where_all_they_affect_are_connected() -> None:
+    """As in the paper: at most once a second for whoever asks, who is the leader."""
+    fields: dict[str, Any] = {"agents": 12, "aim": "chain", "start": {"scrambled": True}}
+    made = {}
+    for connected in (False, True):
+        swap = {"rule": "tree", "protocol": "highest-version", "cooldown_s": 1, "connected": connected}
+        batch = Batch(missions(4, swap=swap, **fields), papers=True)
+        batch.fly(600)
+        made[connected] = int(batch.stage.swaps.sum())
+    assert 0 < made[True] < made[False]
 
 
 def test_detours_are_flown_bit_for_bit_as_in_a_simulation() -> None:
@@ -117,7 +156,7 @@ def test_a_world_begins_again_as_if_it_were_new() -> None:
         ("faults", {"faults": [{"at_s": 1, "kind": "kill", "agents": [0]}]}),
         ("radio", {"radio": {"loss": 0.1}}),
         ("radio.frame_rate_hz", {"radio": {"frame_rate_hz": 10}}),
-        ("aim", {"aim": "chain"}),
+        ("radio.range_m", {"aim": "chain", "radio": {"range_m": 7}}),
     ],
 )
 def test_what_the_batch_leaves_out_is_refused(field: str, fields: dict[str, Any]) -> None:

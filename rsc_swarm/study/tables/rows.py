@@ -103,12 +103,14 @@ def chosen(table: Table, names: str | None) -> list[Row]:
 
 
 _PLAIN = Place("", "", MissionOptions())
+_LETTER = Place("", "", MissionOptions(mission="paper"))
 _ALONE, _OURS = Way("", ""), Way("ours", "ours")
 # The paper has none of ours: the safety filter, detours, swaps with any drone in contact.
 _PAPERS_SWAPS = ("swap.rule=tree", "swap.cooldown_s=1")
 _NO_DETOUR = "detour=false"
 _BARE = ("safety_filter=false", _NO_DETOUR)
 _PAPERS_STEPS = ("trajectory.tracking=required", "trajectory.blend=true", *_BARE)
+_UNAIDED = Way("no-blend", "without filter, without blend", (*_BARE, "trajectory.blend=false"))
 _BASELINE = (Way("no-filter", "without filter", _BARE), Way("filter", "with filter", (_NO_DETOUR,)))
 
 
@@ -138,10 +140,14 @@ def _rsc(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row
 
 
 def _table_1() -> Iterator[Row]:
-    yield _expert(_PLAIN, Paper(96.0, 13.06, None, 3.0))
+    papers_expert = Paper(96.0, 13.06, None, 3.0)
+    yield _expert(_PLAIN, papers_expert)
+    yield Row(_LETTER, "Expert", Way("letter", "the paper's, to the letter"), "paper-expert", papers_expert)
     yield from _analytic(_PLAIN)
     yield from _baseline(_PLAIN, "Saber", "saber", Paper(5.0, 15.47, None, 39.5))
-    yield from _baseline(_PLAIN, "STGNN", "stgnn", Paper(0.0, None, None, 72.0))
+    papers_stgnn = Paper(0.0, None, None, 72.0)
+    yield Row(_PLAIN, "STGNN", _UNAIDED, "stgnn", papers_stgnn)
+    yield from _baseline(_PLAIN, "STGNN", "stgnn", papers_stgnn)
     yield from _rsc(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
     yield from _rsc(_PLAIN, 10, Paper(58.5, 13.11, 6.2, 23.0))
     yield from _rsc(_PLAIN, 20, Paper(83.0, 13.17, 7.9, 2.5))
