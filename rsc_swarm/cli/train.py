@@ -29,9 +29,7 @@ def train(
     horizon: Annotated[int | None, typer.Option(metavar="H", help="Planned steps of 10 ms. (20)")] = None,
     preset: Annotated[
         str,
-        typer.Option(
-            help="default: what ships; paper: the shape and output of the paper; stgnn: the baseline."
-        ),
+        typer.Option(help="default: what ships; paper: the paper's to the letter; stgnn: the baseline."),
     ] = "default",
     config: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Fields of the training config (YAML), on top of it.")
@@ -80,8 +78,15 @@ def _train(config: "TrainingConfig", out: Path | None, device: str, threads: int
         with unwind_when_asked(), closing(progress):
             model = train(config, folder, device, threads, progress)
     except KeyboardInterrupt:
-        kept = "the epochs before are kept, and the same command goes on from there"
-        print(f"stopped in epoch {len(progress.curve) + 1} of {config.epochs}; {kept}", file=sys.stderr)
+        epoch = len(progress.curve) + 1
+        kept = "the epochs before are" if epoch > 2 else "the first epoch is" if epoch == 2 else "nothing is"
+        if progress.updates is not None:
+            part = f"of this one its flights and {progress.updates} of {config.updates} updates"
+            kept = f"{part} are" if epoch == 1 else f"{kept.rsplit(' ', 1)[0]} and {part} are"
+        print(
+            f"stopped in epoch {epoch} of {config.epochs}; {kept} kept, and the same command goes on from there",
+            file=sys.stderr,
+        )
         return ExitCode.INTERRUPTED
     print(f"{model}: {model.stat().st_size / 1e6:.1f} MB, {_figures(progress.curve)}")
     return ExitCode.SUCCEEDED
@@ -94,6 +99,7 @@ class _Progress:
         from rsc_swarm.show.progress import Meter
 
         self.curve: list[Scalars] = []
+        self.updates: int | None = None  # of the present epoch, that are kept; None: not even its flights are
         self._meter = Meter()
 
     def begin(self, config: "TrainingConfig", curve: "list[Scalars]") -> None:
@@ -104,8 +110,12 @@ class _Progress:
         if self._meter.due():
             self._meter.draw(len(self.curve) + share, self._said())
 
+    def kept(self, updates: int) -> None:
+        self.updates = updates
+
     def epoch(self, scalars: "Scalars") -> None:
         self.curve.append(scalars)
+        self.updates = None
 
     def close(self) -> None:
         self._meter.close()

@@ -1,6 +1,7 @@
 """What a training keeps in its folder, so that it goes on after a stop as if there had been none.
 
 checkpoint.pt          weights, optimizer and curve after the last whole epoch
+within.pt              the same amid the epoch after it, every minute of learning, and what its flights added up to
 samples/epoch-0003.pt  the graphs flown in an epoch, as long as the replay holds any of them
 curve.jsonl            one line of scalars per epoch; events.* are the same for TensorBoard
 model.onnx, model.json at the end: the policy and its note
@@ -19,7 +20,7 @@ from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.replay import Replay, Samples
 from rsc_swarm.training.watcher import Scalars
 
-_VERSION = 2  # of the checkpoint
+_VERSION = 3  # of the checkpoint
 
 
 class TrainingFolder:
@@ -33,8 +34,9 @@ class TrainingFolder:
         """
         self.path, self._config = path, config
         self.model = path / "model.onnx"
-        self._per_epoch = config.worlds * config.rounds
+        self._per_epoch = config.worlds * config.plans
         self._checkpoint, self._samples = path / "checkpoint.pt", path / "samples"
+        self._within = path / "within.pt"
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -64,11 +66,29 @@ class TrainingFolder:
             raise _damaged(self._checkpoint)
         return state
 
-    def save(self, curve: list[Scalars], learner: dict[str, Any], replay: Replay) -> None:
-        """Keep the state after the newest epoch of the curve, and the graphs flown in it."""
-        epoch = len(curve) - 1
+    def load_within(self, epoch: int) -> dict[str, Any] | None:
+        """The state amid ``epoch``, as `save_within` was given it; None if that was not saved.
+
+        Raises:
+            TrainingError: it is damaged.
+        """
+        if not self._within.exists():
+            return None
+        state = _load(self._within)
+        return state if state.get("epoch") == epoch else None
+
+    def save_flown(self, epoch: int, replay: Replay) -> None:
+        """Keep the graphs that were flown in ``epoch``, the newest in the replay."""
         self._samples.mkdir(exist_ok=True)
         _write(self._epoch(epoch), replay.newest(self._per_epoch)._asdict())
+
+    def save_within(self, state: dict[str, Any]) -> None:
+        """Keep the state amid an epoch whose flights are kept already; ``state`` says which it is."""
+        _write(self._within, state)
+
+    def save(self, curve: list[Scalars], learner: dict[str, Any], replay: Replay) -> None:
+        """Keep the state after the newest epoch of the curve."""
+        epoch = len(curve) - 1
         _write(
             self._checkpoint,
             {
@@ -82,6 +102,7 @@ class TrainingFolder:
         write_whole(self.path / "curve.jsonl", lines)
         overwritten = epoch - math.ceil(replay.capacity / self._per_epoch)
         self._epoch(overwritten).unlink(missing_ok=True)
+        self._within.unlink(missing_ok=True)
 
     def refill(self, replay: Replay, epochs: int) -> None:
         """Put the graphs of the epochs flown so far back into the replay.
@@ -100,6 +121,7 @@ class TrainingFolder:
 
     def finish(self) -> None:
         """Remove what only going on would need."""
+        self._within.unlink(missing_ok=True)
         shutil.rmtree(self._samples, ignore_errors=True)
 
     def _epoch(self, epoch: int) -> Path:

@@ -1,6 +1,6 @@
 """The training config: everything that decides a trained policy, in one validated, frozen document.
 
-Three are known by name: ``default``, which ships, ``paper``, the shape of the paper (Sec. III-A), and ``stgnn``, the
+Three are known by name: ``default``, which ships, ``paper``, the paper's to the letter (docs/paper.md), and ``stgnn``, the
 baseline. A file with a config is YAML with the fields below on top of one of these. Units are in the names.
 """
 
@@ -18,6 +18,7 @@ from protocols.mission.values import Flag, NotNegative, Number, Positive, Probab
 
 Count = Annotated[Whole, Field(ge=1)]
 PAST = 3  # past steps that are recorded
+_EPISODE_TICKS = 2100
 
 
 class TrainingError(SwarmError, ValueError):
@@ -51,6 +52,14 @@ class TrainingConfig(BaseModel):
     dropout: Annotated[Number, Field(ge=0, lt=1)] = Field(0.0, description="of the local-formation stream")
 
     # What is flown for the data.
+    flown: Literal["ours", "paper"] = Field(
+        "ours",
+        description="ours: with the safety filter, plans broken off; paper: as in mission paper, every plan to its end",
+    )
+    expert: Literal["ours", "paper"] = Field(
+        "ours", description="who labels: ours, or the paper's three terms"
+    )
+    maps: Count | None = Field(None, description="number of fields; none: a new one for every episode")
     agents: Annotated[Whole, Field(ge=2, le=100)] = 25
     hard_share: Probability = Field(
         0.65, description="share of fields with 12 to 14 obstacles instead of 3 to 6"
@@ -59,7 +68,13 @@ class TrainingConfig(BaseModel):
         0.5, description="share of epochs flown with detours; without, it learns what to do where it stops"
     )
     worlds: Count = Field(64, description="episodes flown in step")
-    rounds: Count = Field(150, description="plans per epoch and world; each gives one graph of N samples")
+    rounds: Count | None = Field(
+        150, description="plans per epoch and world; each gives one graph of N samples; none: as 21 s hold"
+    )
+    mixing_rule: Literal["linear", "paper"] = Field(
+        "linear",
+        description="how the expert's share falls; paper: max(.99^max(n - 1000, 0), .1) after n episodes, its epochs",
+    )
     mixing: tuple[Probability, Probability] = Field(
         (1.0, 0.1),
         description="share of plans the expert flies: first epoch, and after mixing_share of the epochs",
@@ -86,7 +101,13 @@ class TrainingConfig(BaseModel):
         0.5,
         description="errors beyond this count by their size instead of its square (Huber); none: all by squares",
     )
-    clip: Positive = Field(1.0, description="longest gradient; a longer one is shortened to it")
+    clip: Positive | None = Field(1.0, description="longest gradient; a longer one is shortened to it")
+    validation_maps: Whole = Field(
+        0, ge=0, le=64, description="fields on which the error is measured that nothing is learned from"
+    )
+    plateau: Flag = Field(
+        False, description="end where the validation error got better by less than 1 % in the last fifth"
+    )
     bfloat16: Flag = Field(True, description="multiply in bfloat16 where the processor can")
     seed: Annotated[Whole, Field(ge=0, lt=2**31)] = 0
 
@@ -107,8 +128,14 @@ class TrainingConfig(BaseModel):
 
     @property
     def fly_ticks(self) -> tuple[int, int]:
-        """Between how many ticks a plan is flown for the data: often also past re-planning at half the horizon."""
-        return 10, max(20, self.horizon)
+        """Between how many ticks a plan is flown for the data: often also past re-planning at half the horizon. The paper's to
+        its end."""
+        return (self.horizon, self.horizon) if self.flown == "paper" else (10, max(20, self.horizon))
+
+    @property
+    def plans(self) -> int:
+        """Plans per epoch and world."""
+        return self.rounds or -(-_EPISODE_TICKS // self.horizon)
 
     @property
     def knot_count(self) -> int:
@@ -127,8 +154,12 @@ class TrainingConfig(BaseModel):
             )
         if self.width % self.heads:
             raise ValueError(f"width: {self.width} is not a multiple of {self.heads} heads")
-        if self.replay < self.worlds * self.rounds:
-            raise ValueError(f"replay: holds less than an epoch; give at least {self.worlds * self.rounds}")
+        if self.replay < self.worlds * self.plans:
+            raise ValueError(f"replay: holds less than an epoch; give at least {self.worlds * self.plans}")
+        if self.plateau and not self.validation_maps:
+            raise ValueError("plateau: is seen in the validation error; give validation_maps as well")
+        if self.flown == "paper" and self.hard_share:
+            raise ValueError("hard_share: flown as in the paper, fields have 3 to 6 obstacles; give 0")
         if self.output != "raw" and self.position_weight == self.velocity_weight == 0:
             raise ValueError("velocity_weight: with position_weight 0 as well there is nothing to learn")
         if self.output == "raw" and not self.position_weight:
@@ -143,13 +174,27 @@ PRESETS: dict[str, dict[str, Any]] = {
         "extra": "none",
         "width": 256,
         "dropout": 0.1,
-        "learning_rate": 3e-4,
-        "cosine": False,
+        "flown": "paper",
+        "expert": "paper",
+        "maps": 500,
         "hard_share": 0.0,
         "detour_share": 0.0,
-        "velocity_weight": 0.0,
+        "worlds": 20,  # an epoch here is twenty of the paper's: one episode each
+        "rounds": None,
+        "mixing_rule": "paper",
+        "epochs": 200,
+        "updates": 240,
+        "replay": 400_000,
+        "learning_rate": 3e-4,
+        "cosine": False,
         "weight_decay": 0.0,
+        "averaging": 0.0,
+        "mirror": False,
+        "velocity_weight": 0.0,
         "outlier_mps2": None,
+        "clip": None,
+        "validation_maps": 8,
+        "plateau": True,
     },
     "stgnn": {"kind": "stgnn", "horizon": 1, "output": "action", "width": 256},
 }

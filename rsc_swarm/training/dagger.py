@@ -1,16 +1,21 @@
 """DAgger (paper, Sec. III-A; Ross et al. 2011): fly with the policy, label with the expert, learn from all so far.
 
 An epoch is a flown half and a learned half. All its chance comes from (seed, epoch), and every epoch begins with fresh
-episodes; so a training that was stopped goes on from the last whole epoch to the same weights.
+episodes; what was flown is kept at once, and what was learned every minute. So a training that was stopped goes on from there
+to the same weights.
 """
 
+import math
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
 from agent.policy.model_file import note_of
@@ -18,13 +23,15 @@ from rsc_swarm.batch.model_inputs import ModelInputs, model_inputs
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.export import export
-from rsc_swarm.training.flying import fly
-from rsc_swarm.training.learning import Learner
+from rsc_swarm.training.flying import fly, validation
+from rsc_swarm.training.learning import Half, Learner
 from rsc_swarm.training.network import TARGET_SIZE, make_network
 from rsc_swarm.training.replay import Replay
 from rsc_swarm.training.watcher import Scalars, Watcher
 
 _RECORDED = 40  # graphs on which the exported model is checked
+_SAVE_EVERY_S = 60.0
+_LEAST_EPOCHS = 10  # before anything is called a plateau
 
 
 def train(config: TrainingConfig, path: Path, device: str, threads: int | None, watcher: Watcher) -> Path:
@@ -42,20 +49,27 @@ def train(config: TrainingConfig, path: Path, device: str, threads: int | None, 
     state = folder.load()
     curve: list[Scalars] = state["curve"] if state else []
     watcher.begin(config, curve)
-    if len(curve) == config.epochs and folder.model.exists() and note_of(folder.model).exists():
+    over = len(curve) == config.epochs or (config.plateau and on_plateau(config, curve))
+    if over and folder.model.exists() and note_of(folder.model).exists():
         return folder.model
     _seed(config, 0)
     learner, replay = Learner(config, make_network(config).to(place)), Replay(config, place)
+    within = folder.load_within(len(curve))
     if state:
         learner.restore(state["learner"])
-        folder.refill(replay, len(curve))
+    folder.refill(replay, len(curve) + bool(within))
+    held_out = validation(config)
     with SummaryWriter(str(path), purge_step=len(curve)) as board:
-        for epoch in range(len(curve), config.epochs):
-            scalars = _epoch(config, epoch, learner, replay, watcher)
+        while len(curve) < config.epochs and not (config.plateau and on_plateau(config, curve)):
+            epoch = _Epoch(config, curve, learner, replay, folder, watcher)
+            scalars = epoch.run(within)
+            within = None
+            if held_out:
+                scalars["validation_mae_m"] = learner.error_m(held_out)
             curve = [*curve, scalars]
             folder.save(curve, learner.state(), replay)
             for name, value in scalars.items():
-                board.add_scalar(name, value, epoch)
+                board.add_scalar(name, value, len(curve) - 1)
             watcher.epoch(scalars)
     export(learner.average, config, _recorded(config, replay), folder.model)
     folder.finish()
@@ -78,44 +92,95 @@ def _recorded(config: TrainingConfig, replay: Replay) -> ModelInputs:
     return model_inputs(observation.swapaxes(0, 1), near.swapaxes(0, 1), target, extra, config.past)
 
 
-def mixing(config: TrainingConfig, epoch: int) -> float:
-    """The share of plans that the expert flies in an epoch: falls in a straight line, then stays."""
+def mixing(config: TrainingConfig, epoch: int, episodes: float = 0) -> float:
+    """The share of plans that the expert flies in an epoch before which so many episodes were flown: it falls in a straight line
+    or as in the paper, then stays."""
     first, last = config.mixing
+    if config.mixing_rule == "paper":
+        return max(first * math.pow(0.99, max(episodes - 1000, 0)), last)
     return max(0.0, 1 - epoch / max(1, round(config.mixing_share * config.epochs))) * (first - last) + last
 
 
-def _epoch(config: TrainingConfig, epoch: int, learner: Learner, replay: Replay, watcher: Watcher) -> Scalars:
-    """Fly and learn; the scalars of the curve."""
-    rng = _seed(config, epoch + 1)
-    steps, done, begin = config.rounds + config.updates, 0, time.monotonic()
+def on_plateau(config: TrainingConfig, curve: Sequence[Scalars]) -> bool:
+    """Whether the validation error got better by less than 1 % in the last fifth of the epochs in which the policy had its full
+    share."""
+    errors = [point["validation_mae_m"] for point in curve if point["mixing"] <= config.mixing[1]]
+    last = len(errors) // 5
+    return len(errors) >= _LEAST_EPOCHS and min(errors[-last:]) > 0.99 * min(errors[:-last])
 
-    def step() -> None:
-        nonlocal done
-        done += 1
-        watcher.step(done / steps)
 
-    flown = fly(config, learner.average, mixing(config, epoch), rng, replay, step)
-    flown_s = time.monotonic() - begin
-    if epoch == 0:
-        learner.measure(replay.take(torch.arange(len(replay))))
-    learned = learner.learn(replay, step)
-    scalars = {
-        "epoch": epoch,
-        "updates": learner.updates,
-        "graphs": replay.total,
-        "mixing": mixing(config, epoch),
-        "flown_s": flown_s,
-        "learned_s": time.monotonic() - begin - flown_s,
-        **asdict(learned),
-        "episodes": flown.episodes,
-        "flown_mae_constant_velocity_m": flown.mae_constant_velocity_m,
-    }
-    if flown.mae_m is not None:
-        scalars["flown_mae_m"] = flown.mae_m
-    if flown.episodes:
-        scalars["success"] = flown.succeeded / flown.episodes
-        scalars["collision"] = flown.collided / flown.episodes
-    return scalars
+class _Epoch:
+    """One epoch of a training: fly and learn."""
+
+    def __init__(
+        self, config: TrainingConfig, curve: Sequence[Scalars], learner: Learner, replay: Replay,
+        folder: TrainingFolder, watcher: Watcher,
+    ) -> None:  # fmt: skip
+        self._config, self._number, self._learner, self._replay = config, len(curve), learner, replay
+        self._folder, self._watcher = folder, watcher
+        self._mixing = mixing(config, self._number, sum(point["episodes"] for point in curve))
+        self._saved_at = time.monotonic()
+
+    def run(self, within: dict[str, Any] | None) -> Scalars:
+        """Fly and learn, or go on with what was saved amid this epoch; the scalars of the curve."""
+        if within:
+            flown, half = within["flown"], Half(within["done"], within["sums"], within["chance"])
+            self._learner.restore(within["learner"])
+        else:
+            flown, half = self._fly(), None
+        begin = time.monotonic()
+
+        def each_update(done: int, sums: Tensor) -> None:
+            if time.monotonic() - self._saved_at >= _SAVE_EVERY_S and done < self._config.updates:
+                self._save(flown, Half(done, sums, torch.get_rng_state()))
+            self._watcher.step(self._share(self._config.plans + done))
+
+        learned = self._learner.learn(self._replay, each_update, half)
+        return {
+            **flown,
+            "updates": self._learner.updates,
+            "learned_s": time.monotonic() - begin,
+            **asdict(learned),
+        }
+
+    def _fly(self) -> Scalars:
+        config, done, begin = self._config, 0, time.monotonic()
+        rng = _seed(config, self._number + 1)
+
+        def step() -> None:
+            nonlocal done
+            done += 1
+            self._watcher.step(self._share(done))
+
+        flown = fly(config, self._learner.average, self._mixing, rng, self._replay, step)
+        if self._number == 0:
+            self._learner.measure(self._replay.take(torch.arange(len(self._replay))))
+        scalars = {
+            "epoch": self._number,
+            "graphs": self._replay.total,
+            "mixing": self._mixing,
+            "flown_s": time.monotonic() - begin,
+            "episodes": flown.episodes,
+            "flown_mae_constant_velocity_m": flown.mae_constant_velocity_m,
+        }
+        if flown.mae_m is not None:
+            scalars["flown_mae_m"] = flown.mae_m
+        if flown.episodes:
+            scalars["success"] = flown.succeeded / flown.episodes
+            scalars["collision"] = flown.collided / flown.episodes
+        self._folder.save_flown(self._number, self._replay)
+        nothing = Half(0, torch.zeros(2), torch.get_rng_state())
+        self._save(scalars, nothing)
+        return scalars
+
+    def _save(self, flown: Scalars, half: Half) -> None:
+        state = {"epoch": self._number, "flown": flown, "learner": self._learner.state(), **half._asdict()}
+        self._folder.save_within(state)
+        self._saved_at = time.monotonic()
+        self._watcher.kept(half.done)
+
+    def _share(self, steps: int) -> float:
+        return steps / (self._config.plans + self._config.updates)
 
 
 def _seed(config: TrainingConfig, part: int) -> np.random.Generator:

@@ -6,6 +6,7 @@ wherever the policy has brought the swarm (DAgger, Ross et al. 2011).
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import torch
@@ -16,12 +17,15 @@ from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.mission.fields import Obstacles, Trajectory
 from rsc_swarm.batch.batch import Batch
-from rsc_swarm.batch.kernel import COLLIDED, FLYING, SUCCEEDED
+from rsc_swarm.batch.stage import COLLIDED, FLYING, SUCCEEDED
+from rsc_swarm.options import MissionOptions, resolve
 from rsc_swarm.training.config import PAST, TrainingConfig
 from rsc_swarm.training.network import PolicyNetwork
 from rsc_swarm.training.replay import Replay, Samples
 
 TRAINING_MAPS = (1_000_000, 2**32)
+_VALIDATION = 900_000  # the first of the maps for that
+_VALIDATED_EVERY = 100  # ticks
 _PLAIN, _HARD = Obstacles(), Obstacles(count=(12, 14))
 
 
@@ -36,15 +40,24 @@ class Flown:
     mae_constant_velocity_m: float = 0.0
 
 
+@cache
+def _as_in_the_paper() -> Mission:
+    return resolve(MissionOptions(mission="paper"))
+
+
 def training_mission(config: TrainingConfig, rng: np.random.Generator, detour: bool) -> Mission:
     """A mission on a map that no test uses, from a start of its own."""
+    maps = TRAINING_MAPS if config.maps is None else (TRAINING_MAPS[0], TRAINING_MAPS[0] + config.maps)
+    if config.flown == "paper":
+        seeds = {"map_seed": int(rng.integers(*maps)), "seed": int(rng.integers(2**32))}
+        return _as_in_the_paper().model_copy(update={"agents": config.agents, **seeds})
     return Mission(
         name="training",
         agents=config.agents,
         obstacles=_HARD if rng.random() < config.hard_share else _PLAIN,
         trajectory=Trajectory(tracking="required" if config.output == "raw" else "smooth"),
         detour=detour,
-        map_seed=int(rng.integers(*TRAINING_MAPS)),
+        map_seed=int(rng.integers(*maps)),
         seed=int(rng.integers(2**32)),
     )
 
@@ -59,9 +72,10 @@ def fly(
 ) -> Flown:
     """Fly one epoch's rounds and add all graphs to the replay. ``mixing``: the share of plans that the expert flies."""
     detour = bool(rng.random() < config.detour_share)
-    batch = Batch([training_mission(config, rng, detour) for _ in range(config.worlds)])
+    missions = [training_mission(config, rng, detour) for _ in range(config.worlds)]
+    batch = Batch(missions, papers=config.expert == "paper")
     flown, errors, moved = Flown(), [], []
-    for _ in range(config.rounds):
+    for _ in range(config.plans):
         displacement, change = batch.label(config.horizon)
         samples = observed(batch, config, torch.from_numpy(change))
         replay.add(samples)
@@ -84,6 +98,25 @@ def fly(
     flown.mae_m = float(np.mean(errors)) if errors else None
     flown.mae_constant_velocity_m = float(np.mean(moved))
     return flown
+
+
+def validation(config: TrainingConfig) -> Samples | None:
+    """Graphs from fields that nothing is learned from, flown and labelled by the expert; None if none are asked for."""
+    if not config.validation_maps:
+        return None
+    rng = np.random.default_rng([config.seed, _VALIDATION])
+    missions = [
+        training_mission(config, rng, detour=False).model_copy(update={"map_seed": _VALIDATION + place})
+        for place in range(config.validation_maps)
+    ]
+    batch = Batch(missions, papers=config.expert == "paper")
+    graphs = []
+    while (flying := batch.stage.result == FLYING).any():
+        _, change = batch.label(config.horizon)
+        seen = observed(batch, config, torch.from_numpy(change))
+        graphs.append([values[torch.from_numpy(flying)].clone() for values in seen])
+        batch.fly(_VALIDATED_EVERY)
+    return Samples(*(torch.cat(values) for values in zip(*graphs, strict=True)))
 
 
 def observed(batch: Batch, config: TrainingConfig, change: Tensor) -> Samples:

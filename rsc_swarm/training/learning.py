@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
@@ -21,6 +21,14 @@ class Learned:
     loss: float
     mae_m: float
     learning_rate: float  # at the end
+
+
+class Half(NamedTuple):
+    """How far an epoch's updates are: how many are done, the sums of their loss and error (2,), and torch's chance since."""
+
+    done: int
+    sums: Tensor
+    chance: Tensor
 
 
 class Learner:
@@ -52,27 +60,48 @@ class Learner:
             network.normal_x.measure(samples.observation)
             network.normal_local.measure(samples.local)
 
-    def learn(self, replay: Replay, each_update: Callable[[], None]) -> Learned:
-        """One epoch's updates; torch's seed decides which graphs."""
+    def learn(
+        self, replay: Replay, each_update: Callable[[int, Tensor], None], half: Half | None = None
+    ) -> Learned:
+        """One epoch's updates, or those that ``half`` leaves; torch's seed decides which graphs. ``each_update`` is told how many
+        are done, and the sums of their loss and error."""
         config, sums = self.config, torch.zeros(2, device=self._device)
+        done = 0
+        if half:
+            done, sums = half.done, half.sums.to(self._device)
+            torch.set_rng_state(half.chance)
         self.network.train()
-        for _ in range(config.updates):
+        for place in range(done, config.updates):
             samples = replay.take(torch.randint(len(replay), (config.batch,)))
             if config.mirror:
                 samples = mirrored(samples, (torch.rand(config.batch) < 0.5).to(self._device))
             loss, error = self._errors(samples)
             self._optimizer.zero_grad()
             torch.autograd.backward(loss)
-            torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.clip)
+            if config.clip is not None:
+                torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.clip)
             self._optimizer.step()
             self._schedule.step()
             self.updates += 1
             self._averaged.update_parameters(self.network)
             sums += torch.stack([loss.detach(), error])
-            each_update()
+            each_update(place + 1, sums)
         self.network.eval()
         loss_mean, error_mean = (sums / config.updates).tolist()
         return Learned(loss_mean, error_mean, float(self._schedule.get_last_lr()[0]))
+
+    @torch.no_grad()
+    def error_m(self, samples: Samples) -> float:
+        """Mean |dr| [m] of what flies, over all samples, steps and axes."""
+        network = self.average
+        off = []
+        for first in range(0, len(samples.local), self.config.batch):
+            part = Samples(
+                *(values[first : first + self.config.batch].to(self._device) for values in samples)
+            )
+            planned, _, _ = network.plan(network.graphs(*part[:3]))
+            off.append((planned - network.plan.travelled(part.change)).abs().mean((1, 2, 3)))
+        return float(torch.cat(off).mean())
 
     def _errors(self, samples: Samples) -> tuple[Tensor, Tensor]:
         """The loss of (dr) / (T²/3) and (dv) / T [m/s²], weighted, and the mean |dr| [m] over samples, steps and axes."""

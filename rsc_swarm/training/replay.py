@@ -47,7 +47,7 @@ class Replay:
 
     def __init__(self, config: TrainingConfig, device: torch.device) -> None:
         drones, local = config.agents, TARGET_SIZE + (WIDE_SIZE if config.extra == "wide" else 0)
-        self.capacity = min(config.replay, config.epochs * config.rounds * config.worlds)
+        self.capacity = min(config.replay, config.epochs * config.plans * config.worlds)
 
         def room(kind: torch.dtype, *shape: int) -> Tensor:
             return torch.empty(self.capacity, *shape, dtype=kind, device=device)

@@ -16,6 +16,9 @@ class Watcher(Protocol):
     def step(self, share: float) -> None:
         """This share of the present epoch is done."""
 
+    def kept(self, updates: int) -> None:
+        """So much of the present epoch is on disk: its flights, and so many of its updates."""
+
     def epoch(self, scalars: Scalars) -> None:
         """An epoch is done."""
 

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import torch
 import yaml
@@ -12,8 +13,9 @@ from agent.observation import WIDE_SIZE
 from rsc_swarm.cli import main as cli
 from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
-from rsc_swarm.training.config import TrainingConfig, TrainingError
-from rsc_swarm.training.dagger import mixing, train
+from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
+from rsc_swarm.training.dagger import mixing, on_plateau, train
+from rsc_swarm.training.flying import training_mission
 from rsc_swarm.training.learning import Learner, penalty
 from rsc_swarm.training.network import make_network
 from rsc_swarm.training.replay import Replay, Samples, mirrored
@@ -22,16 +24,23 @@ from tests.training.conftest import TINY
 
 
 class Stopping(Nobody):
-    """Presses Ctrl-C in the middle of the second epoch."""
+    """Presses Ctrl-C when so much of the second epoch is done; knows what of it is kept."""
+
+    def __init__(self, share):
+        self.share, self.saved = share, []
 
     def begin(self, config, curve):
         self.done = len(curve)
 
+    def kept(self, updates):
+        self.saved.append(updates)
+
     def epoch(self, scalars):
         self.done += 1
+        self.saved = []
 
     def step(self, share):
-        if self.done == 1 and share > 0.7:
+        if self.done == 1 and share > self.share:
             raise KeyboardInterrupt
 
 
@@ -52,7 +61,7 @@ def test_the_loss_falls(tiny):
     local = torch.randn(36, 4, 2 + WIDE_SIZE)
     change = 0.05 * local[:, :, None, :2] * torch.arange(1, 5)[:, None]
     replay.add(Samples(torch.randn(36, 4, 4, 18), torch.zeros(36, 3, 4, 8), local, change))
-    losses = [learner.learn(replay, lambda: None).loss for _ in range(3)]
+    losses = [learner.learn(replay, lambda *_: None).loss for _ in range(3)]
     assert losses[2] < 0.5 * losses[0]
 
 
@@ -83,12 +92,22 @@ def test_the_expert_flies_less_and_less(tiny):
     assert [round(mixing(config, epoch), 3) for epoch in (0, 2, 4, 19)] == [1.0, 0.55, 0.1, 0.1]
 
 
-@pytest.mark.parametrize("replay", [18, 36, 54])
-def test_a_stopped_training_goes_on_to_the_same_weights(tiny, tmp_path, unexported, replay):
-    config = tiny.model_copy(update={"replay": replay})
+@pytest.mark.parametrize(
+    ("replay", "share", "saved"),
+    [(18, 0.7, [0]), (36, 0.2, []), (54, 0.9, list(range(12)))],
+    ids=["amid learning", "amid flying", "saved at every update"],
+)
+def test_a_stopped_training_goes_on_to_the_same_weights(
+    tiny, tmp_path, unexported, monkeypatch, replay, share, saved
+):
+    config = tiny.model_copy(update={"replay": replay, "dropout": 0.1, "validation_maps": 1})
     train(config, tmp_path / "whole", "cpu", 1, Nobody())
+    if len(saved) > 1:
+        monkeypatch.setattr(dagger, "_SAVE_EVERY_S", 0.0)
+    stopping = Stopping(share)
     with pytest.raises(KeyboardInterrupt):
-        train(config, tmp_path / "stopped", "cpu", 1, Stopping())
+        train(config, tmp_path / "stopped", "cpu", 1, stopping)
+    assert stopping.saved == saved
     assert len((tmp_path / "stopped" / "curve.jsonl").read_text().splitlines()) == 1
     train(config, tmp_path / "stopped", "cpu", 1, Nobody())
     for name, whole in weights(tmp_path / "whole").items():
@@ -97,6 +116,52 @@ def test_a_stopped_training_goes_on_to_the_same_weights(tiny, tmp_path, unexport
     assert [point["epoch"] for point in curve] == [0, 1, 2]
     assert curve[-1]["updates"] == 36
     assert curve[-1]["flown_mae_m"] > 0
+
+
+def test_the_papers_expert_flies_less_and_less_by_the_episodes_there_were():
+    config = make_config("paper", None)
+    assert [round(mixing(config, 0, n), 3) for n in (0, 1000, 1001, 1100, 1230, 4000)] == [
+        1,
+        1,
+        0.99,
+        0.366,
+        0.1,
+        0.1,
+    ]
+
+
+def test_the_paper_is_flown_and_labelled_as_the_paper_says():
+    config = make_config("paper", None)
+    rng = np.random.default_rng(0)
+    missions = [training_mission(config, rng, detour=False) for _ in range(50)]
+    assert {mission.map_seed for mission in missions} <= set(range(1_000_000, 1_000_500))
+    one = missions[0]
+    assert (one.aim, one.safety_filter, one.detour, one.sensing.obstacle_memory) == (
+        "chain",
+        False,
+        False,
+        False,
+    )
+    assert (one.swap.rule, one.swap.protocol, one.swap.connected, one.swap.cooldown_s) == (
+        "tree", "highest-version", True, 1.0
+    )  # fmt: skip
+    assert (one.trajectory.tracking, one.trajectory.blend_with) == ("required", "paper")
+    assert (config.fly_ticks, config.plans, config.averaging, config.mirror, config.clip) == (
+        (20, 20), 105, 0, False, None
+    )  # fmt: skip
+
+
+def test_a_plateau_is_a_last_fifth_that_made_it_less_than_one_percent_better():
+    config = make_config("paper", None)
+
+    def curve(*errors: float, mixing: float = 0.1) -> list[dict[str, float]]:
+        return [{"validation_mae_m": error, "mixing": mixing} for error in errors]
+
+    falling = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3]
+    assert on_plateau(config, curve(*falling, 0.299, 0.298))
+    assert not on_plateau(config, curve(*falling, 0.29, 0.31))
+    assert not on_plateau(config, curve(*falling[:7], 0.4, 0.4)), "too short to tell"
+    assert not on_plateau(config, curve(*falling, 0.3, 0.3, mixing=1.0)), "the policy does not fly yet"
 
 
 def test_another_seed_gives_other_weights(tiny, tmp_path, unexported):
