@@ -9,7 +9,7 @@ from protocols.whole_file import write_whole
 from rsc_swarm.campaign.campaign import groups
 from rsc_swarm.campaign.flying import Failure, Plan, Tally
 from rsc_swarm.flight.provenance import commit
-from rsc_swarm.study.evaluate import failure_bound
+from rsc_swarm.study.intervals import failure_bound
 
 _PAGE = Template("""<!doctype html>
 <html lang="en">

@@ -129,7 +129,7 @@ def _tell(plan: "Plan", tally: "Tally", folder: Path, again: str, seconds: float
     from rsc_swarm.campaign.campaign import groups
     from rsc_swarm.campaign.kept import keep
     from rsc_swarm.campaign.page import write_index
-    from rsc_swarm.study.evaluate import failure_bound
+    from rsc_swarm.study.intervals import failure_bound
 
     found = groups(tally)
     places = {failure.digest: keep(failure, folder) for group in found for failure in group.failures}

@@ -7,7 +7,8 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from rsc_swarm.study.evaluate import Evaluation, Failed, failure_bound, flown_on
+from rsc_swarm.study.evaluate import Evaluation, Failed, flown_on
+from rsc_swarm.study.intervals import failure_bound
 
 _SHOWN_FAILURES = 20
 
@@ -88,10 +89,11 @@ def print_notes(out: Console, result: Evaluation, seconds: float, again: Callabl
         out.print(
             f"[bold red]Slot views: {result.breaches} flights broke an invariant, {result.disagreed} ended in disagreement.[/]"
         )
+    maps = result.maps[1] - result.maps[0] + 1
     if not result.failures:
         out.print(
-            f"No failure in {result.runs} runs: "
-            f"the failure rate is below {100 * failure_bound(result.runs):.2g} % (95 %)."
+            f"No failure in {result.runs} runs on {maps} map{'s' if maps > 1 else ''}: "
+            f"the failure rate is below {100 * failure_bound(maps):.2g} % (95 %)."
         )
         return
     out.print(f"\n{len(result.failures)} failed. Fly them again:")

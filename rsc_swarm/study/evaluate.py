@@ -17,11 +17,11 @@ from protocols.mission.document import Mission, MissionError
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.report import describe, missed_faults
 from rsc_swarm.study.finished import FinishedFlights
+from rsc_swarm.study.intervals import clustered
 from rsc_swarm.study.machines import Crew, Who
 from rsc_swarm.study.workers import Flight, Seeds, fly_all
 
 STARTS_PER_MAP = 1000
-_Z = 1.959964  # 95 %
 
 
 class Failed(BaseModel):
@@ -42,10 +42,12 @@ class Evaluation(BaseModel):
 
     runs: int
     success_rate: float
-    success_interval: tuple[float, float] = Field(description="95 % Wilson interval of the success rate")
+    success_interval: tuple[float, float] = Field(
+        description="95 % interval of the success rate, by maps (rsc_swarm.study.intervals)"
+    )
     paper_rate: float = Field(description="share with the paper's success, whichever decides")
     strict_rate: float = Field(description="share with the strict success (docs/task.md)")
-    strict_interval: tuple[float, float] = Field(description="95 % Wilson interval of the strict rate")
+    strict_interval: tuple[float, float] = Field(description="95 % interval of the strict rate, likewise")
     stood_on_rate: float = Field(
         description="share that had the paper's success and whose formation stood for 2 s after it"
     )
@@ -188,19 +190,6 @@ def journal_path(results: Path, code: str) -> Path:
     return results.with_name(f"{results.stem}.{code}.journal.jsonl")
 
 
-def wilson(successes: int, runs: int) -> tuple[float, float]:
-    """The 95 % Wilson interval of a success rate."""
-    share, spread = successes / runs, _Z * _Z / runs
-    middle = (share + spread / 2) / (1 + spread)
-    half = _Z / (1 + spread) * math.sqrt(share * (1 - share) / runs + spread / (4 * runs))
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
-def failure_bound(runs: int) -> float:
-    """The failure rate is below this with 95 % confidence after ``runs`` without a failure; about 3 / runs."""
-    return float(1 - 0.05 ** (1 / runs))
-
-
 def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -> Evaluation:
     """What ``flights`` (at least one) add up to; ``code`` is the `fingerprint` they were flown under."""
     runs = len(flights)
@@ -212,7 +201,7 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
     formed = [outcome.formed_s for outcome in outcomes if outcome.formed_s is not None]
     agreed_after = [after for flight in flights if (after := flight.watched.agreed_after_s) is not None]
     allowed = [after for flight in flights if (after := flight.watched.allowed_after_s) is not None]
-    low, high = wilson(len(good), runs)
+    maps = [flight.map_seed for flight in flights]
     held = (
         sum(outcome.held_after_success is True for outcome in outcomes) / runs if mission.hold_s > 0 else None
     )
@@ -221,14 +210,14 @@ def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -
         runs=runs,
         paper_rate=paper / runs,
         strict_rate=strict / runs,
-        strict_interval=wilson(strict, runs),
+        strict_interval=clustered([outcome.successes[1] for outcome in outcomes], maps),
         stood_on_rate=sum(outcome.successes[0] and bool(outcome.stood_on) for outcome in outcomes) / runs,
         agreed_at_success_rate=sum(
             outcome.successes[0] and bool(outcome.agreed_at_success) for outcome in outcomes
         )
         / runs,
         success_rate=len(good) / runs,
-        success_interval=(low, high),
+        success_interval=clustered([outcome.success for outcome in outcomes], maps),
         collision_rate=collisions / runs,
         noncollision_rate=(runs - len(good) - collisions) / runs,
         tau_mean_s=fmean(taus) if taus else None,

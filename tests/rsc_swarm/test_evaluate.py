@@ -24,14 +24,13 @@ from rsc_swarm.study.evaluate import (
     Evaluation,
     Watcher,
     evaluate,
-    failure_bound,
     journal_path,
     seeds_of,
     summarise,
-    wilson,
 )
 from rsc_swarm.study.fingerprint import fingerprint
 from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError
+from rsc_swarm.study.intervals import clustered, failure_bound, wilson
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import Flight, WorkerError, fly_all, fly_batch
 from tests.models import straight_on, written
@@ -75,6 +74,25 @@ def test_the_seeds_of_a_run_can_be_told_without_flying_it():
 def test_seeds_that_do_not_exist_are_refused(base, maps, starts, complaint):
     with pytest.raises(MissionError, match=complaint):
         seeds_of(base, maps, starts)
+
+
+def test_flights_on_one_map_count_as_what_they_are_together():
+    """Five of 100 maps fail: whether three starts fail together or one of them is no failure of fifteen maps."""
+    maps = [place for place in range(100) for _ in range(3)]
+    together = [place >= 5 for place in maps]
+    apart = [not (start == 0 and place < 15) for place in range(100) for start in range(3)]
+    assert sum(together) == sum(apart)
+    (low, high), (narrow_low, narrow_high) = clustered(together, maps), clustered(apart, maps)
+    assert low < narrow_low < 0.95 < narrow_high < high
+    assert (low, high) == pytest.approx(wilson(95, 100), abs=0.02)
+    assert clustered(together, maps) == (low, high), "the same draws every time"
+
+
+def test_one_flight_a_map_or_all_alike_has_wilsons_interval_of_so_many_maps():
+    assert clustered([True] * 8 + [False] * 2, range(10)) == wilson(8, 10)
+    assert clustered([True] * 600, [place // 3 for place in range(600)]) == wilson(200, 200)
+    assert clustered([False] * 6, [0, 0, 0, 1, 1, 1]) == wilson(0, 2)
+    assert clustered([True, False, True], [7, 7, 7]) == wilson(2, 3), "of starts on this map"
 
 
 def test_the_wilson_interval_is_the_textbooks():

@@ -20,7 +20,7 @@ from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.film import film
 from rsc_swarm.show.plots.flight import draw, edges, free_place
 from rsc_swarm.show.plots.style import PlotError
-from rsc_swarm.study.evaluate import wilson
+from rsc_swarm.study.intervals import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
 from rsc_swarm.study.tables.rows import Paper
 from world.outlets.recorder import Recorder
