@@ -226,21 +226,10 @@ def test_the_mission_command_prints_what_would_be_flown(run, tmp_path):
 
 def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
     file = tmp_path / "row.json"
-    arguments = (
-        "--agents",
-        "4",
-        "--set",
-        "fly_s=0.3",
-        "--maps",
-        "2",
-        "--starts",
-        "2",
-        "--json",
-        str(file),
-    )
+    arguments = f"--agents 4 --set fly_s=0.3 --maps 2 --starts 2 --json {file}".split()
     code, out, _ = run("evaluate", *arguments)
     assert code == 0
-    assert "| plain | 4 | rsc-h20 | 4 | 0.0 | 0.0-49.0 | 0.0 | 100.0 | - |" in out
+    assert "| plain | 4 | rsc-h20 | 4 | 0.0 | 0.0-49.0 | 0.0 | 0.0 | 100.0 | - |" in out
     assert (
         "rsc-swarm simulate --agents 4 --set fly_s=0.3 --map 1 --seed 1001   # late: not in formation" in out
     )

@@ -62,24 +62,21 @@ class WorldServer(Swarm):
             world.field.FieldError: the mission leaves no room to start.
         """
         self._mission, self._link, self._clock, self._control = mission, link, clock, control
-        self._record = record or (lambda core: None)
-        self._join_s = join_s
+        self._record, self._join_s = record or (lambda core: None), join_s
         self._onlooker = onlooker or Nobody()
         self.core = WorldCore([mission], watched=onlooker is not None)
         self.director = Director(self.core, self)
-        agents = mission.agents
-        self.peers = [Peer() for _ in range(agents)]
+        self.peers = [Peer() for _ in range(mission.agents)]
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
         self._reception = Reception(link, self.peers, mission.briefing(), slots)
         self._said = Said(self.core)
         self._questions = Questions(self.core, self._said.frames)
         self._farewells: dict[int, AgentStatus] = {}
         self._now = 0  # the tick
-        self._time, self._patience = RunningTime(), Patience(agents, control.watches)
+        self._time, self._patience = RunningTime(), Patience(mission.agents, control.watches)
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
-        self._failsafe = Failsafe(mission)
+        self._failsafe, self._took_s = Failsafe(mission), 0.0  # wall clock, until the flight was decided
         self._told = self._told_bytes = self._heard_bytes = 0
-        self._took_s: float | None = None  # wall clock, until the flight was decided
 
     def run(self) -> Flown:
         """Gather the drones, fly to the end, say goodbye.
@@ -105,7 +102,7 @@ class WorldServer(Swarm):
             if core.tick[0] > self._now:  # else it was broken off before it was flown
                 self._record(core)
             now = time.perf_counter() - self._began
-            if self._took_s is None and core.decided[0]:
+            if not self._took_s and core.decided[0]:
                 self._took_s = now
             if now - shown > _SNAPSHOT_S or not core.active[0]:
                 shown = now
@@ -280,9 +277,8 @@ class WorldServer(Swarm):
             ServerError: the flight has not begun.
         """
         if not self._started:
-            raise ServerError(
-                "; ".join(f"agent {agent} was lost before the flight began: {why}" for agent, why in lost)
-            )
+            said = [f"agent {agent} was lost before the flight began: {why}" for agent, why in lost]
+            raise ServerError("; ".join(said))
         for agent, why in lost:
             self.director.strike_off(agent, why)
 
