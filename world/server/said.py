@@ -1,5 +1,6 @@
 """What the drones have said: their answers to the tick that is flown, and their frames for as long as they can still arrive."""
 
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -49,4 +50,7 @@ class Said:
 
     def answers(self) -> Answers:
         """All of it."""
-        return Answers(self.command, self._sent_bytes, self._claim, sorted(self._accounts))
+        in_order = sorted(
+            self._accounts, key=itemgetter(0)
+        )  # those of one drone as they came: it may catch up
+        return Answers(self.command, self._sent_bytes, self._claim, in_order)
