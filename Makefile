@@ -1,12 +1,13 @@
 # make demo   fly 25 drones in 25 processes and print the report
 # make test   run all tests          make lint   ruff, mypy and who may import whom
 # make bench  measure this machine   make clean  remove the virtual environment and caches
+# make wheel  a wheel that flies without compiling, in dist/
 # make fuzz   fuzz all that reads bytes from outside, a minute each; TARGET=frame RUNS=10000000: one of them, so many inputs
 
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test rules lint bench fuzz clean
+.PHONY: demo test rules lint bench wheel fuzz clean
 
 demo: .venv/ready
 	$(BIN)/rsc-swarm launch --agents 25
@@ -27,6 +28,13 @@ lint: .venv/ready-test
 
 bench: .venv/ready
 	$(BIN)/rsc-swarm bench
+
+# With the rules compiled for every processor of this kind; the checkout itself goes on with its own.
+wheel: .venv/ready
+	rm -rf build
+	$(BIN)/rsc-swarm warm-up --shared
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	rm -rf build protocols/compiled
 
 fuzz: .venv/ready-fuzz
 	RSC_SWARM_PYTHON_KERNELS=1 $(BIN)/python -m tests.fuzz $(TARGET) $(if $(RUNS),--runs $(RUNS) --seconds 0)
@@ -49,4 +57,4 @@ fuzz: .venv/ready-fuzz
 	@touch $@
 
 clean:
-	rm -rf .venv build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv build dist protocols/compiled *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

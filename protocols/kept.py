@@ -5,6 +5,9 @@ down, and the versions it was compiled with. So an edit anywhere that could matt
 other than the one in its sources, and two checkouts of the same text share what either compiled. Kernels of files outside
 the project are compiled anew in every process: what they depend on is not known here.
 
+An installation may bring along code for every processor of a kind (`ship`), which is used where nothing was compiled for this
+one. It is as much to be trusted as the sources beside it, and named after them alone: whatever made it, it does what they say.
+
 Importing touches no folder. Compiled code is run, so a folder is taken only if it is ours and only we may write to it.
 """
 
@@ -24,7 +27,7 @@ from typing import Any
 
 import msgpack
 
-from protocols.machine_code import MachineCode, processor
+from protocols.machine_code import MachineCode, any_processor, processor
 from protocols.whole_file import WriteError, write_whole
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -33,6 +36,7 @@ _IMPORT = re.compile(
     rf"^[ \t]*(?:from|import)[ \t]+((?:{_PACKAGES})(?:\.\w+)*)\b(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n#]+))?",
     re.MULTILINE,
 )
+_SHIPPED = Path(__file__).with_name("compiled")
 _DIGEST_BYTES = 8
 _KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
@@ -69,14 +73,20 @@ def sources_of(file: Path) -> tuple[Path, ...]:
 
 
 @cache
-def fingerprint(file: Path) -> str:
-    """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
-    versions = (sys.version, *map(version, ("numba", "llvmlite", "numpy")))
-    digest = hashlib.blake2b(repr(versions).encode(), digest_size=_DIGEST_BYTES)
+def _fingerprint_of_text(file: Path) -> str:
+    """16 hexadecimal digits that change with the text of all sources of a kernel in ``file``, wherever they lie."""
+    digest = hashlib.blake2b(digest_size=_DIGEST_BYTES)
     for path in sources_of(file):
         text = path.read_bytes()
         digest.update(f"{path.relative_to(_ROOT)} {len(text)}\n".encode() + text)
     return digest.hexdigest()
+
+
+@cache
+def fingerprint(file: Path) -> str:
+    """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
+    versions = (sys.version, *map(version, ("numba", "llvmlite", "numpy")))
+    return _digest(f"{versions} {_fingerprint_of_text(file)}".encode()).hex()
 
 
 def _bases() -> Iterator[Path]:
@@ -112,6 +122,27 @@ def _digest(data: bytes) -> bytes:
     return hashlib.blake2b(data, digest_size=_DIGEST_BYTES).digest()
 
 
+_shipping = False
+
+
+def ship() -> Path:
+    """From now on this process compiles for every processor of its kind, and keeps it in the installation itself: where.
+
+    To be called before anything is compiled.
+
+    Raises:
+        OSError: there it may not write.
+    """
+    global _shipping
+    os.environ.pop("NUMBA_CPU_FEATURES", None)
+    os.environ["NUMBA_CPU_NAME"] = "generic"
+    processor.cache_clear()
+    shutil.rmtree(_SHIPPED, ignore_errors=True)  # of other sources, perhaps
+    _SHIPPED.mkdir()
+    _shipping = True
+    return _SHIPPED
+
+
 class Kept:
     """The compiled forms of one kernel, in a folder that is looked for only when there is something to load or keep.
 
@@ -120,44 +151,47 @@ class Kept:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         file = _file_of(function)
-        self._stamp = fingerprint(file)
+        self._stamp, self._shipped = fingerprint(file), _SHIPPED / _fingerprint_of_text(file)
         place = str(file.relative_to(_ROOT).with_suffix("")).replace("/", ".")
         self._name = f"{place}.{function.__name__}-{function.__code__.co_firstlineno}"
 
     def load(self, form: str) -> MachineCode | None:
         """What is kept for arguments of this form."""
         folder = self.find_folder()
-        if folder is None:
-            return None
-        try:
-            kept = self._path(folder, form).read_bytes()
-        except OSError:
-            return None
-        digest, data = kept[:_DIGEST_BYTES], kept[_DIGEST_BYTES:]
-        return MachineCode(*msgpack.unpackb(data, use_list=False)) if digest == _digest(data) else None
+        found = _read(self._path(folder, processor(), form)) if folder else None
+        return found or _read(self._path(self._shipped, any_processor(), form))
 
     def save(self, form: str, code: MachineCode) -> None:
-        """Keep it, if there is room."""
+        """Keep it, if there is room: else it is compiled again next time.
+
+        Raises:
+            OSError, protocols.whole_file.WriteError: there is none for what is to be shipped.
+        """
         folder = self.find_folder()
         if folder is None:
             return
-        with suppress(OSError, WriteError):  # then it is compiled again next time
+        try:
             if not folder.exists():
-                folder.mkdir(exist_ok=True, mode=0o700)
+                folder.mkdir(exist_ok=True, mode=0o755 if _shipping else 0o700)
                 _sweep(folder)
             data = msgpack.packb(code)
-            write_whole(self._path(folder, form), _digest(data) + data)
+            write_whole(self._path(folder, processor(), form), _digest(data) + data)
+        except (OSError, WriteError):
+            if _shipping:
+                raise
 
     def is_any(self) -> bool:
         """Whether any form is kept."""
-        folder = self.find_folder()
-        return folder is not None and any(folder.glob(f"{self._name}.*"))
+        folders = (self.find_folder(), self._shipped)
+        return any(folder is not None and any(folder.glob(f"{self._name}.*")) for folder in folders)
 
-    def _path(self, folder: Path, form: str) -> Path:
-        return folder / f"{self._name}.{_digest(f'{processor()} {form}'.encode()).hex()}.o"
+    def _path(self, folder: Path, target: str, form: str) -> Path:
+        return folder / f"{self._name}.{_digest(f'{target} {form}'.encode()).hex()}.o"
 
     def find_folder(self) -> Path | None:
         """Where the forms are or will be kept; None if nowhere that can be trusted."""
+        if _shipping:
+            return self._shipped
         base = cache_folder()
         if base is None:
             return None
@@ -168,6 +202,15 @@ class Kept:
             return folder
         except OSError:
             return None
+
+
+def _read(path: Path) -> MachineCode | None:
+    try:
+        kept = path.read_bytes()
+    except OSError:
+        return None
+    digest, data = kept[:_DIGEST_BYTES], kept[_DIGEST_BYTES:]
+    return MachineCode(*msgpack.unpackb(data, use_list=False)) if digest == _digest(data) else None
 
 
 def _sweep(newest: Path) -> None:

@@ -1,6 +1,7 @@
 """Machine code that runs without the compiler that made it: linked into this process, and called with one pointer."""
 
 import ctypes
+import os
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
@@ -60,9 +61,19 @@ def _linker() -> Any:
 
 
 @cache
+def any_processor() -> str:
+    """What every processor of this machine's kind can do: x86-64 of 2003, say."""
+    return f"{llvm.get_default_triple()} generic "
+
+
+@cache
 def processor() -> str:
-    """What this machine's processor can do: code is made for it."""
-    return f"{llvm.get_default_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    """What code is made for: all that this machine's processor can do, or what the compiler is told instead (NUMBA_CPU_NAME)."""
+    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    if name == "generic" and not features:
+        return any_processor()
+    features = llvm.get_host_cpu_features().flatten() if features is None else features
+    return f"{llvm.get_default_triple()} {name or llvm.get_host_cpu_name()} {features}"
 
 
 def linked(code: MachineCode) -> Callable[[bytes], Any]:

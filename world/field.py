@@ -58,7 +58,9 @@ def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.f
         for _ in range(_TRIES):
             radius = mission.start.radius_m * np.sqrt(draw.uniform())
             angle = draw.uniform(0, 2 * np.pi)
-            place = pad + radius * np.array([np.cos(angle), np.sin(angle)])
+            place = pad + radius * np.array(
+                [math.cos(angle), math.sin(angle)]
+            )  # numpy's depend on the processor
             x, y = place.tolist()
             if _is_clear(x, y, taken, mission.start.gap_m):
                 places[agent] = place

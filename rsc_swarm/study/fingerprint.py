@@ -17,6 +17,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 _RULES = ("protocols", "agent", "world", "rsc_swarm/flight/simulate.py")
 _WHOLE = ("protocols", "agent", "world", "rsc_swarm")
 _MODELS = (".onnx", ".json")
+_MADE = {"__pycache__", "compiled"}  # of the rest
 
 
 def fingerprint(mission: Mission) -> str:
@@ -49,7 +50,9 @@ def whole_fingerprint() -> str:
 
 def _files(path: Path) -> list[Path]:
     found = sorted(path.rglob("*")) if path.is_dir() else [path]
-    return [file for file in found if file.is_file() and "__pycache__" not in file.parts]
+    return [
+        file for file in found if file.is_file() and not _MADE.intersection(file.relative_to(_ROOT).parts)
+    ]
 
 
 def _digest(files: list[Path]) -> str:
