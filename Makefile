@@ -29,7 +29,7 @@ lint: .venv/ready-test
 bench: .venv/ready
 	$(BIN)/rsc-swarm bench
 
-# With the rules compiled for every processor of this kind; the checkout itself goes on with its own.
+# With the rules in it as they are compiled here.
 wheel: .venv/ready
 	rm -rf build
 	$(BIN)/rsc-swarm warm-up --shared

@@ -1,7 +1,7 @@
 """The compiler: rules -> machine code. It is loaded only where something is to be compiled (protocols.kernels).
 
-What comes out is one function of C whose only argument points to 64-bit words. It needs nothing but the C library, so whoever
-runs it needs no compiler.
+What comes out is one function of C whose only argument points to 64-bit words. It needs nothing but the C library and a processor
+of this kind, so whoever runs it needs no compiler.
 """
 
 import hashlib
@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, cast
 
-import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
@@ -24,6 +23,7 @@ from numba.extending import infer_getattr, lower_getattr_generic, models, regist
 from numba.np.arrayobj import populate_array
 
 from protocols.machine_code import MachineCode, Result, number_kind
+from protocols.object_code import SYMBOL, object_code
 
 # Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
 _RULE = {
@@ -33,41 +33,6 @@ _RESULTS = {
     types.none: "none", types.boolean: "bool", types.int64: "int", types.uint64: "uint", types.float64: "float",
 }  # fmt: skip
 _NUMBERS = {name: kind for kind, name in _RESULTS.items()}
-_SYMBOL = "rule"
-
-# What compiled code calls for an array of its own, and when it has done with it. The compiler's own would need the compiler.
-_ALLOCATOR = """
-declare noalias ptr @malloc(i64)
-declare void @free(ptr)
-
-define noalias ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
-  %wide = zext i32 %align to i64
-  %head = add i64 %wide, 48
-  %all = add i64 %size, %head
-  %info = call noalias ptr @malloc(i64 %all)
-  %failed = icmp eq ptr %info, null
-  br i1 %failed, label %done, label %fill
-fill:
-  %begin = ptrtoint ptr %info to i64
-  %end = add i64 %begin, %head
-  %mask = sub i64 0, %wide
-  %place = and i64 %end, %mask
-  %data = inttoptr i64 %place to ptr
-  store i64 1, ptr %info
-  %data_at = getelementptr i8, ptr %info, i64 24
-  store ptr %data, ptr %data_at
-  %size_at = getelementptr i8, ptr %info, i64 32
-  store i64 %size, ptr %size_at
-  br label %done
-done:
-  ret ptr %info
-}
-
-define void @NRT_MemInfo_call_dtor(ptr %info) {
-  call void @free(ptr %info)
-  ret void
-}
-"""
 
 
 class _Draft(JITCodeLibrary):
@@ -220,7 +185,8 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
     """
     leaves, call, names = _call_of(given)
     drafted = _draft(f"return rule({call})", {**names, "rule": rule}, leaves)
-    return MachineCode(_SYMBOL, _result_of(drafted.signature.return_type), _machine_code(drafted))
+    entry = _entry(cpu_target.target_context, drafted.fndesc)
+    return MachineCode(SYMBOL, _result_of(drafted.signature.return_type), object_code(drafted.library, entry))
 
 
 def _result_of(kind: Any) -> Result:
@@ -273,32 +239,6 @@ def _draft(does: str, names: dict[str, Any], leaves: list[types.Type]) -> Any:
     )  # fmt: skip
 
 
-class _Whole(JITCodeLibrary):
-    """Everything that a rule needs, as the text of an object file."""
-
-    object: bytes
-
-    def _optimize_final_module(self) -> None:
-        for part in (*self._final_module.functions, *self._final_module.global_variables):
-            if not part.is_declaration and part.name != _SYMBOL:
-                part.linkage = "internal"  # nobody else can call it: what is not needed goes
-        super()._optimize_final_module()  # type: ignore[no-untyped-call]
-
-    def _finalize_final_module(self) -> None:
-        self.object = self._codegen._tm.emit_object(self._final_module)
-        self._finalized = True
-
-
-def _machine_code(drafted: Any) -> bytes:
-    context = cpu_target.target_context
-    whole = _Whole(context.codegen(), _SYMBOL)  # type: ignore[no-untyped-call]
-    whole.add_linking_library(drafted.library)  # type: ignore[no-untyped-call]
-    whole.add_ir_module(_entry(context, drafted.fndesc))  # type: ignore[no-untyped-call]
-    whole.add_llvm_module(llvm.parse_assembly(_ALLOCATOR))  # type: ignore[no-untyped-call]
-    whole.finalize()  # type: ignore[no-untyped-call]
-    return whole.object
-
-
 def _entry(context: Any, made: Any) -> ir.Module:
     """The function of C that calls what was compiled. It returns a number, whatever it is worth; several are left in memory."""
     module = context.create_module("entry")
@@ -308,7 +248,7 @@ def _entry(context: Any, made: Any) -> ir.Module:
     (page,) = made.argtypes
     pointer, several = context.get_value_type(page), isinstance(made.restype, types.BaseTuple)
     value = ir.VoidType() if several else context.get_data_type(made.restype)
-    entry = ir.Function(module, ir.FunctionType(value, [pointer]), _SYMBOL)
+    entry = ir.Function(module, ir.FunctionType(value, [pointer]), SYMBOL)
     builder = ir.IRBuilder(entry.append_basic_block())
     status, found = context.call_conv.call_function(builder, inner, made.restype, made.argtypes, entry.args)
     with builder.if_then(

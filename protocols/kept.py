@@ -5,8 +5,8 @@ down, and the versions it was compiled with. So an edit anywhere that could matt
 other than the one in its sources, and two checkouts of the same text share what either compiled. Kernels of files outside
 the project are compiled anew in every process: what they depend on is not known here.
 
-An installation may bring along code for every processor of a kind (`ship`), which is used where nothing was compiled for this
-one. It is as much to be trusted as the sources beside it, and named after them alone: whatever made it, it does what they say.
+An installation may bring along what was compiled when it was made (`ship`). It is as much to be trusted as the sources beside it,
+and named after them alone: whatever made it, it does what they say.
 
 Importing touches no folder. Compiled code is run, so a folder is taken only if it is ours and only we may write to it.
 """
@@ -27,7 +27,7 @@ from typing import Any
 
 import msgpack
 
-from protocols.machine_code import MachineCode, any_processor, processor
+from protocols.machine_code import MachineCode, kind_of_processor
 from protocols.whole_file import WriteError, write_whole
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -41,12 +41,13 @@ _DIGEST_BYTES = 8
 _KEPT_S = 14 * 86400.0  # a process may still be using what another version compiled
 
 
-def _files_of(module: str) -> Iterator[Path]:
+@cache
+def _files_of(module: str) -> tuple[Path, ...]:
     """The project files that importing ``module`` runs: its packages' and its own."""
-    parts = module.split(".")
-    for length in range(1, len(parts) + 1):
-        place = _ROOT.joinpath(*parts[:length])
-        yield from (file for file in (place / "__init__.py", place.with_suffix(".py")) if file.is_file())
+    package, _, _ = module.rpartition(".")
+    place = _ROOT.joinpath(*module.split("."))
+    own = (place / "__init__.py", place.with_suffix(".py"))
+    return (*(_files_of(package) if package else ()), *(file for file in own if file.is_file()))
 
 
 @cache
@@ -126,17 +127,12 @@ _shipping = False
 
 
 def ship() -> Path:
-    """From now on this process compiles for every processor of its kind, and keeps it in the installation itself: where.
-
-    To be called before anything is compiled.
+    """From now on this process keeps what it compiles in the installation itself, for all who use it: where.
 
     Raises:
         OSError: there it may not write.
     """
     global _shipping
-    os.environ.pop("NUMBA_CPU_FEATURES", None)
-    os.environ["NUMBA_CPU_NAME"] = "generic"
-    processor.cache_clear()
     shutil.rmtree(_SHIPPED, ignore_errors=True)  # of other sources, perhaps
     _SHIPPED.mkdir()
     _shipping = True
@@ -158,8 +154,7 @@ class Kept:
     def load(self, form: str) -> MachineCode | None:
         """What is kept for arguments of this form."""
         folder = self.find_folder()
-        found = _read(self._path(folder, processor(), form)) if folder else None
-        return found or _read(self._path(self._shipped, any_processor(), form))
+        return (_read(self._path(folder, form)) if folder else None) or _read(self._path(self._shipped, form))
 
     def save(self, form: str, code: MachineCode) -> None:
         """Keep it, if there is room: else it is compiled again next time.
@@ -175,7 +170,7 @@ class Kept:
                 folder.mkdir(exist_ok=True, mode=0o755 if _shipping else 0o700)
                 _sweep(folder)
             data = msgpack.packb(code)
-            write_whole(self._path(folder, processor(), form), _digest(data) + data)
+            write_whole(self._path(folder, form), _digest(data) + data)
         except (OSError, WriteError):
             if _shipping:
                 raise
@@ -185,8 +180,8 @@ class Kept:
         folders = (self.find_folder(), self._shipped)
         return any(folder is not None and any(folder.glob(f"{self._name}.*")) for folder in folders)
 
-    def _path(self, folder: Path, target: str, form: str) -> Path:
-        return folder / f"{self._name}.{_digest(f'{target} {form}'.encode()).hex()}.o"
+    def _path(self, folder: Path, form: str) -> Path:
+        return folder / f"{self._name}.{_digest(f'{kind_of_processor()} {form}'.encode()).hex()}.o"
 
     def find_folder(self) -> Path | None:
         """Where the forms are or will be kept; None if nowhere that can be trusted."""

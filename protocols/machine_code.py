@@ -1,7 +1,6 @@
 """Machine code that runs without the compiler that made it: linked into this process, and called with one pointer."""
 
 import ctypes
-import os
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
@@ -61,19 +60,9 @@ def _linker() -> Any:
 
 
 @cache
-def any_processor() -> str:
-    """What every processor of this machine's kind can do: x86-64 of 2003, say."""
-    return f"{llvm.get_default_triple()} generic "
-
-
-@cache
-def processor() -> str:
-    """What code is made for: all that this machine's processor can do, or what the compiler is told instead (NUMBA_CPU_NAME)."""
-    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
-    if name == "generic" and not features:
-        return any_processor()
-    features = llvm.get_host_cpu_features().flatten() if features is None else features
-    return f"{llvm.get_default_triple()} {name or llvm.get_host_cpu_name()} {features}"
+def kind_of_processor() -> str:
+    """What code is made for: every processor of this machine's kind, x86-64 say. Code for this one alone would be no faster."""
+    return str(llvm.get_default_triple())
 
 
 def linked(code: MachineCode) -> Callable[[bytes], Any]:

@@ -13,7 +13,7 @@ def warm_up(
         bool,
         typer.Option(
             "--shared",
-            help="For whoever uses this installation, on any processor of this kind: kept in the installation itself.",
+            help="For whoever uses this installation: keep it there, not in your own cache.",
         ),
     ] = False,
 ) -> None:

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
@@ -70,7 +71,9 @@ def place(folder: Path) -> Path:
     """The project's packages, copied to ``folder``."""
     for package in PACKAGES:
         shutil.copytree(
-            ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__", "*.onnx")
+            ROOT / package,
+            folder / package,
+            ignore=shutil.ignore_patterns("__pycache__", "*.onnx", "compiled"),
         )
     (folder / "rsc_swarm" / "probe.py").write_text(PROBE)
     return folder
@@ -115,6 +118,7 @@ def fresh_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Pat
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     monkeypatch.setenv("HOME", str(tmp_path / "nothing" / "home"))
     monkeypatch.setattr(kept.tempfile, "gettempdir", lambda: "/dev/null/nowhere")
+    monkeypatch.setattr(kept, "_SHIPPED", tmp_path / "nothing")
     (tmp_path / "nothing").touch()
     (tmp_path / "xdg").mkdir()
     cache_folder.cache_clear()
@@ -164,6 +168,31 @@ def test_two_checkouts_share_what_either_compiled(checkout: Path, home: Path, tm
     assert len(kept) == 1
     run(other, home, "-c", CLIP)
     assert {path: path.stat().st_mtime_ns for path in kept_files(home)} == kept
+
+
+@compiled
+def test_a_wheel_brings_along_what_was_compiled_for_any_processor(
+    checkout: Path, home: Path, tmp_path: Path
+) -> None:
+    for file in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / file, checkout / file)
+    assert run(checkout, home, "-c", f"import protocols.kept as k; k.ship(); {CLIP}") == CLIPPED
+    build = "pip wheel --quiet --no-deps --no-build-isolation --disable-pip-version-check --wheel-dir"
+    run(checkout, home, "-m", *build.split(), str(tmp_path / "dist"), ".")
+    (wheel,) = (tmp_path / "dist").iterdir()
+    installed = tmp_path / "installed"
+    zipfile.ZipFile(wheel).extractall(installed)
+    assert len(list((installed / "protocols" / "compiled").rglob("*.o"))) == 1
+
+    before = kept_files(home)
+    flies = f"{CLIP}; import sys; print('numba' in sys.modules)"
+    assert run(installed, home, "-c", flies) == f"{CLIPPED}\nFalse"
+    assert kept_files(home) == before, "there was nothing to compile"
+
+    with (installed / "protocols" / "dynamics.py").open("a") as edited:
+        edited.write("\n")
+    assert run(installed, home, "-c", CLIP) == CLIPPED
+    assert len(kept_files(home)) == len(before) + 1, "of other sources it is compiled"
 
 
 def test_importing_any_module_touches_no_folder(home: Path) -> None:
