@@ -47,7 +47,7 @@ EDITS = [
     ("protocols/dynamics.py", "TICK_S = 0.01", "TICK_S = 0.02"),
     ("agent/control/gains.py", "slot_pull: float = 2.67", "slot_pull: float = 99.0"),
     ("world/medium/chance.py", "LOSS = 2", "LOSS = 7"),
-    ("rsc_swarm/batch/kernel.py", "PAST = 4", "PAST = 5"),
+    ("rsc_swarm/batch/stage.py", "PAST = 4", "PAST = 5"),
 ]
 AFTER = "0.02 99.0 7 5"
 NAME = (  # what kernels of this file are named after
