@@ -30,7 +30,12 @@ _MAE = (
 _WAYS = (
     "*As in the paper*: the paper's a_req follows the plan to its end before the next is made, blended with its "
     "potential field near others; no safety filter, no detours; only leader and follower swap, at most once a second. "
+    "That is not the paper to the letter ([paper.md](paper.md)): the network is ours, drones steer to their slots and not "
+    "by their leaders, agree before they swap, and remember obstacles. "
     "*Ours*: the defaults, with detours and the safety filter last. "
+)
+_POOR_RADIO = (
+    "*poor-radio*: drones sense their neighbours all the same; what gets lost is what they say of slots. "
 )
 _SLOT_COLUMNS = ("undone", "two in a slot s")  # of the table that is about slots
 _SLOTS = (
@@ -84,6 +89,7 @@ def legend(result: TableResult) -> str:
     text += _STRICT if any(row.strict_rate is not None for row in rows) else ""
     text += _MAE if any(row.accuracy for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
+    text += _POOR_RADIO if any("poor-radio" in row.place for row in rows) else ""
     text += _SLOTS if TABLES[result.table].of_slots else ""
     flown = sorted({(row.runs, row.maps, row.starts) for row in rows})
     for runs, maps, starts in flown:
