@@ -12,10 +12,10 @@ BIN := .venv/bin
 demo: .venv/ready
 	$(BIN)/rsc-swarm launch --agents 25
 
-# Three files at a time, since many tests wait, and the long ones not last; the rules are compiled once, before.
+# Four files at a time, since many tests wait, and the long ones not last; the rules are compiled once, before.
 test: .venv/ready-test
 	+@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint rules
-	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
 rules: .venv/ready
 	$(BIN)/rsc-swarm warm-up

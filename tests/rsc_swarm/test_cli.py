@@ -229,7 +229,7 @@ def test_evaluate_prints_a_row_and_the_failures_as_commands(run, tmp_path):
     arguments = f"--agents 4 --set fly_s=0.3 --maps 2 --starts 2 --json {file}".split()
     code, out, _ = run("evaluate", *arguments)
     assert code == 0
-    assert "| plain | 4 | rsc-h20 | 4 | 0.0 | 0.0-49.0 | 0.0 | 0.0 | 100.0 | - |" in out
+    assert "| plain | 4 | rsc-h20 | 4 | 0.0 | 0.0-65.8 | 0.0 | 0.0 | 100.0 | - |" in out
     assert (
         "rsc-swarm simulate --agents 4 --set fly_s=0.3 --map 1 --seed 1001   # late: not in formation" in out
     )
