@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.memory import Memory
+from agent.memory import Memory, put_neighbour
 from agent.tick_arrays import Rules
 from protocols.dynamics import TICK_S, Vector, vector
 from protocols.kernels import inlined_kernel
@@ -53,13 +53,6 @@ def _moved_on(memory: Memory, row: int, other: int, age: int, a_max: float) -> t
 
 
 @inlined_kernel
-def _put(memory: Memory, row: int, at: int, other: int, rel: Vector, vel: Vector) -> None:
-    memory.near_id[row, at] = other
-    memory.near_rel[row, at, 0], memory.near_rel[row, at, 1] = rel
-    memory.near_vel[row, at, 0], memory.near_vel[row, at, 1] = vel
-
-
-@inlined_kernel
 def find_heard(
     memory: Memory, row: int, me: int, tick: int, sensed: Sensed, radio: RadioRules, a_max: float
 ) -> None:
@@ -72,7 +65,7 @@ def find_heard(
             continue
         (x, y), (wx, wy) = _moved_on(memory, row, other, age, a_max)
         if (x - px) * (x - px) + (y - py) * (y - py) <= radio.range_m * radio.range_m:
-            _put(memory, row, count, other, (x - px, y - py), (wx - vx, wy - vy))
+            put_neighbour(memory, row, count, other, (x - px, y - py), (wx - vx, wy - vy))
             count += 1
     memory.near_count[row] = count
 
@@ -91,7 +84,7 @@ def _keep_clear_of(
         return
     doubt = min(_GROWTH_MPS * t + 0.5 * _GROWTH_MPS2 * t * t, _MOST_M)
     share = max(distance - doubt, 0.1 * distance) / max(distance, 1e-9)
-    _put(memory, row, at, other, (rel[0] * share, rel[1] * share), vel)
+    put_neighbour(memory, row, at, other, (rel[0] * share, rel[1] * share), vel)
     memory.near_count[row] = max(count, at + 1)
 
 

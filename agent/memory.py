@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.surroundings import Discs, Neighbours
+from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
 from protocols.relative import NEVER, UNKNOWN
 from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE
@@ -48,6 +49,14 @@ class Memory(NamedTuple):
     way: NDArray[np.float64]
     obstacle_rel: NDArray[np.float64]
     obstacle_radius: NDArray[np.float64]
+
+
+@inlined_kernel
+def put_neighbour(memory: Memory, row: int, at: int, number: int, rel: Vector, vel: Vector) -> None:
+    """Note drone ``number`` as neighbour ``at`` of one drone: ``rel`` [m] and ``vel`` [m/s], it minus me."""
+    memory.near_id[row, at] = number
+    memory.near_rel[row, at, 0], memory.near_rel[row, at, 1] = rel
+    memory.near_vel[row, at, 0], memory.near_vel[row, at, 1] = vel
 
 
 @inlined_kernel

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.heard import find_heard, keep_clear, note_acceleration
-from agent.memory import Memory
+from agent.memory import Memory, put_neighbour
 from agent.tick_arrays import Rules, Work
 from protocols.dynamics import TICK_S, vector
 from protocols.kernels import inlined_kernel
@@ -84,9 +84,8 @@ def find_sensed(memory: Memory, row: int, sensed: Sensed) -> None:
     count = sensed.near_count[row]
     for index in range(count):
         near = sensed.near[row, index]
-        memory.near_id[row, index] = near["number"]
-        memory.near_rel[row, index, 0], memory.near_rel[row, index, 1] = near["x"], near["y"]
-        memory.near_vel[row, index, 0], memory.near_vel[row, index, 1] = near["vx"], near["vy"]
+        rel, vel = (near["x"], near["y"]), (near["vx"], near["vy"])
+        put_neighbour(memory, row, index, near["number"], rel, vel)
     memory.near_count[row] = count
 
 

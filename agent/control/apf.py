@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 from agent.control.attraction import Aim, saturated
+from agent.control.flocking import beta_velocity
 from agent.control.gains import GAINS
 from agent.control.surroundings import Discs, Neighbours
 from protocols.dynamics import Vector
@@ -72,10 +73,9 @@ def formation_term(aim: Aim, leader_velocity: Vector, near: Neighbours, apf: Apf
 
 @inlined_kernel
 def obstacle_term(discs: Discs, velocity: Vector, apf: Apf) -> Vector:
-    """a_obs [m/s²]: the robot of an obstacle is at the projection of the drone on its surface, and moves with the part of
-    ``velocity`` [m/s] along it, shortened by radius over distance (Olfati-Saber's beta-agent)."""
+    """a_obs [m/s²]: the robot of an obstacle is at the projection of the drone on its surface, and slides along with its
+    ``velocity`` [m/s]: Olfati-Saber's beta-agent."""
     a_x, a_y = 0.0, 0.0
-    v_x, v_y = velocity
     for i in range(discs.size):
         r_x, r_y, radius = discs.rel[i, 0], discs.rel[i, 1], discs.radius[i]
         centre = math.sqrt(r_x * r_x + r_y * r_y)
@@ -86,11 +86,10 @@ def obstacle_term(discs: Discs, velocity: Vector, apf: Apf) -> Vector:
         d = max(d - apf.contact_m, 0.0) + _LEAST_M
         reach = apf.obstacle_range - apf.contact_m + _LEAST_M
         push = apf.obstacle_push * (1.0 / d - 1.0 / reach) / (d * d)
-        along = (v_x * n_x + v_y * n_y, radius / centre)
-        beta_x, beta_y = along[1] * (v_x - along[0] * n_x), along[1] * (v_y - along[0] * n_y)
+        w_x, w_y = beta_velocity(velocity, (n_x, n_y), radius / centre)
         follow = apf.obstacle_damping * (1.0 - d / reach)
-        a_x += push * n_x + follow * (beta_x - v_x)
-        a_y += push * n_y + follow * (beta_y - v_y)
+        a_x += push * n_x + follow * w_x
+        a_y += push * n_y + follow * w_y
     return a_x, a_y
 
 

@@ -94,13 +94,21 @@ def alpha_term(r_x: float, r_y: float, w_x: float, w_y: float, gains: Flocking) 
 
 
 @inlined_kernel
+def beta_velocity(velocity: Vector, normal: Vector, share: float) -> Vector:
+    """How the beta-agent of a disc moves, minus ``velocity``, which is mine [m/s]: with the part of it along the surface,
+    shortened by ``share``, radius over distance. ``normal``: of unit length, towards the centre or away from it."""
+    (v_x, v_y), (n_x, n_y) = velocity, normal
+    inward = v_x * n_x + v_y * n_y
+    return share * (v_x - inward * n_x) - v_x, share * (v_y - inward * n_y) - v_y
+
+
+@inlined_kernel
 def beta_term(
     r_x: float, r_y: float, radius: float, v_x: float, v_y: float, gains: Flocking
 ) -> tuple[float, float]:
     """Acceleration [m/s^2] because of one disc, centre at ``r`` from me [m]; ``v``: own velocity [m/s].
 
-    Its beta-agent is the point of the surface nearest to me. It moves with the part of my velocity along the surface,
-    shortened by radius over distance.
+    Its beta-agent is the point of the surface nearest to me, which slides along with me (`beta_velocity`).
     """
     centre = math.sqrt(r_x * r_x + r_y * r_y)
     if centre < 1e-6:
@@ -112,10 +120,7 @@ def beta_term(
     if weight == 0.0:
         return 0.0, 0.0
     n_x, n_y = r_x / centre, r_y / centre
-    inward = v_x * n_x + v_y * n_y
-    mu = radius / centre
-    w_x = mu * (v_x - inward * n_x) - v_x
-    w_y = mu * (v_y - inward * n_y) - v_y
+    w_x, w_y = beta_velocity((v_x, v_y), (n_x, n_y), radius / centre)
     push = gains.beta_push * weight * (sigmoid(z - reach) - 1.0) * d / math.sqrt(1.0 + gains.epsilon * d * d)
     follow = gains.beta_consensus * weight
     return push * n_x + follow * w_x, push * n_y + follow * w_y

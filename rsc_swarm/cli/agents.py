@@ -40,7 +40,7 @@ def agents(
 
     logins = read_logins(credentials_dir, numbers_in(numbers), connect, plain_text)
     announce_compiling()
-    from rsc_swarm.flight.agents import Watching, fly_agents
+    from rsc_swarm.flight.agents import fly_agents
     from rsc_swarm.flight.ranges import written
 
     flying, ended = {login.agent for login in logins}, dict[str, list[int]]()
@@ -55,7 +55,7 @@ def agents(
         if end.code and flying and len(known) == 1:
             typer.echo(f"agent {end.agent}: {end.why}; the others go on", err=True)
 
-    code = fly_agents(logins, connect, policy, join_s, Watching(tell_ready, tell_end))
+    code = fly_agents(logins, connect, policy, join_s, tell_ready, tell_end)
     if flying:
         ended.setdefault("asked to leave", []).extend(flying)
     for why, drones in ended.items():

@@ -4,7 +4,6 @@ This process loads everything once, forks the drones, and then only watches: it 
 asked to leave. They do not outlive it. It never opens Zenoh.
 """
 
-import gc
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -14,24 +13,20 @@ from typing import NamedTuple
 import psutil
 
 from agent.body.relayed import Ending
-from agent.policy import policy_file
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import parse_mission
 from protocols.wire.keys import user
 from protocols.wire.login import Login
 from rsc_swarm.flight.alone import refuse_unsealed, take_part
-from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
+from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
 from rsc_swarm.flight.warm_up import warm_up_drone
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
-from rsc_swarm.machine.priority import give_way
 from rsc_swarm.machine.service import Service
 
 _GRACE_S = 5.0
 _LOOK_S = 0.2
-_LONGEST = (
-    2000  # bytes of a line that a drone says: what is written in one piece into a pipe arrives in one piece
-)
+_LONGEST = 2000  # bytes of a line that a drone says: what is written into a pipe at once, arrives at once
 _READY = "ready"
 
 
@@ -43,23 +38,15 @@ class Ended(NamedTuple):
     why: str
 
 
-class Watching(NamedTuple):
-    """Who is told while they fly: that all have joined, and after how many seconds of this process; that one has ended."""
-
-    on_ready: Callable[[float], None] = lambda seconds: None
-    on_end: Callable[[Ended], None] = lambda ended: None
-
-
-UNWATCHED = Watching()
-
-
 def fly_agents(
-    logins: Sequence[Login], endpoint: str, policy: str, join_s: float, watching: Watching = UNWATCHED
-) -> ExitCode:
+    logins: Sequence[Login], endpoint: str, policy: str, join_s: float,
+    on_ready: Callable[[float], None], on_end: Callable[[Ended], None],
+) -> ExitCode:  # fmt: skip
     """Be these drones, a process each, and fly ``policy``, until each has ended: how it went, as the command's exit code.
 
     Args:
-        join_s: how long each looks for the world.
+        join_s: how long each looks for the world. on_ready: told, when all have joined, after how many seconds of this process.
+        on_end: told of each that has ended.
 
     Raises:
         rsc_swarm.flight.launch.RunBroken: a login is good for no flight.
@@ -84,11 +71,11 @@ def fly_agents(
             said.read()
             if not ready and len(said.ready) == len(logins):
                 ready = True
-                watching.on_ready(time.time() - psutil.Process().create_time())
+                on_ready(time.time() - psutil.Process().create_time())
             for end in ends:
                 ended = _explained(end, said)
                 codes.append(ended.code)
-                watching.on_end(ended)
+                on_end(ended)
     wrong = [code for code in codes if code]
     return ExitCode(wrong[0]) if wrong else ExitCode.SUCCEEDED
 
@@ -124,10 +111,7 @@ class _Said:
 
 def _fly_one(login: Login, endpoint: str, policy: str, join_s: float, said: _Said) -> None:
     """A drone's process."""
-    give_way()
-    gc.set_threshold(100_000)  # a tick leaves no cycles behind
-    policy_file.hold()
-    leave = leave_on_sigterm()
+    leave = be_drone()
     try:
         ending = take_part(
             login, endpoint, policy, lambda: leave.asked, join_s, lambda: said.say(login.agent, _READY)

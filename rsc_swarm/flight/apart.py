@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 from agent.policy.base import PolicyError, PolicyStuck
 from protocols.closing import Closing
 from rsc_swarm.flight.busy import answer, busy_at
+from rsc_swarm.flight.processes import how_ended
 from rsc_swarm.machine.leaving import Leave, be_worker, nobody_asks
 
 _LOOK_S = 0.1
@@ -95,8 +96,7 @@ class Apart(Closing):
     def _end(self) -> str:
         _, status = os.waitpid(self._pid, 0)
         self._pid = 0
-        code = os.waitstatus_to_exitcode(status)
-        return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        return how_ended(os.waitstatus_to_exitcode(status))
 
     def close(self) -> None:
         """End it, whatever it is doing."""

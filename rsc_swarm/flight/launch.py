@@ -4,7 +4,6 @@ The launcher loads and compiles everything once, forks the world and the drones,
 the world shows, does to processes what the mission says goes wrong with them, and names the drone whose process ends.
 """
 
-import gc
 import math
 import os
 import signal
@@ -18,20 +17,19 @@ from typing import Any
 
 import psutil
 
-from agent.policy import PolicyError, policy_file
+from agent.policy import PolicyError
 from agent.process import fly
 from agent.radio.link import AgentLink
 from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission
 from protocols.wire.login import Login
 from rsc_swarm.flight.busy import answer, busy_at, explained
-from rsc_swarm.flight.processes import Exit, Supervisor, leave_on_sigterm
+from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
 from rsc_swarm.flight.socket_folder import RunFolder
 from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
 from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
-from rsc_swarm.machine.priority import give_way
 from world.outcome import Flown
 from world.outlets.snapshot import Snapshot
 from world.server.credentials import Credentials
@@ -77,11 +75,8 @@ AgentProcess = Callable[[int, str, Login, str], None]  # agent, endpoint, login,
 
 def _agent(agent: int, endpoint: str, login: Login, policy: str) -> None:
     """A drone's process. However long the world is silent, it stays: its launcher ends it."""
-    give_way()
-    gc.set_threshold(100_000)  # a tick leaves no cycles behind
-    policy_file.hold()
+    leave = be_drone()
     answer()
-    leave = leave_on_sigterm()
     try:
         with AgentLink(endpoint, login, JOIN_S, lambda: leave.asked) as link:
             over = fly(link, agent, policy, lambda: leave.asked, math.inf, login.seals)

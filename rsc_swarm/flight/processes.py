@@ -25,9 +25,11 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, NoReturn, Self
 
+from agent.policy import policy_file
 from protocols.errors import BrokenError
 from rsc_swarm.flight.socket_folder import remove_run_folder
 from rsc_swarm.machine.leaving import Leave, nobody_asks
+from rsc_swarm.machine.priority import give_way
 from rsc_swarm.machine.streams import mute_stream
 
 _PR_SET_PDEATHSIG = 1
@@ -42,6 +44,11 @@ class StartError(BrokenError):
     """The machine lets no further process start; one line says why."""
 
 
+def how_ended(code: int) -> str:
+    """In words, what os.waitstatus_to_exitcode says of a process."""
+    return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+
+
 class Exit(NamedTuple):
     """How a child ended: with an exit code, or by a signal."""
 
@@ -52,9 +59,7 @@ class Exit(NamedTuple):
 
     @property
     def how(self) -> str:
-        if self.signal is not None:
-            return f"was ended by {signal.Signals(self.signal).name}"
-        return f"ended with exit code {self.code}"
+        return how_ended(self.code or 0 if self.signal is None else -self.signal)
 
     def __str__(self) -> str:
         return f"{self.name} (process {self.pid}) {self.how}"
@@ -78,6 +83,14 @@ def leave_on_sigterm() -> Leave:
     signal.signal(signal.SIGTERM, ask)
     signal.signal(signal.SIGCONT, ask)
     return leave
+
+
+def be_drone() -> Leave:
+    """In a child that is one of many drones: fly from now on as such a process does. Whether it has been asked to leave."""
+    give_way()
+    gc.set_threshold(100_000)  # a tick leaves no cycles behind
+    policy_file.hold()
+    return leave_on_sigterm()
 
 
 def launcher_died() -> bool:
