@@ -56,11 +56,12 @@ class WorldCore:
     the two successes is open (world.outcome). counted: (E, ...) their tally at the decision.
     """
 
-    def __init__(self, missions: Sequence[Mission], watched: bool = False) -> None:
+    def __init__(self, missions: Sequence[Mission], watched: bool = False, both: bool = True) -> None:
         """Lay out the fields of ``missions``, which must agree in all but seeds and faults.
 
         Args:
             watched: somebody looks on, wants to see what becomes of frames (`fates`), and may lay hands on a flight.
+            both: fly on until both successes are judged; else a flight is over as soon as it is decided.
 
         Raises:
             world.field.FieldError: a mission leaves no room to start.
@@ -143,7 +144,7 @@ class WorldCore:
                 self._bound,
             )
         )  # fmt: skip
-        self._judgements = [Judgement(mission) for mission in missions]
+        self._judgements = [Judgement(mission, both) for mission in missions]
         # What a digest is of, world by world: NumPy's own indexing cost more than the hash.
         digested = (self.position, self.velocity, self.flying, self.claim, self.tally)
         self._digested = [tuple(array[world] for array in digested) for world in range(worlds)]

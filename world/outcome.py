@@ -120,10 +120,11 @@ class Judgement:
     """Sums up the flight of one world, tick by tick.
 
     decision: what it came to by the success that decides: "" a success, else why not; None while that is open. over: the other
-    one is settled, too.
+    one is settled, too, if both are asked for.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, both: bool = True) -> None:
+        self._both = both
         self._last_tick, self._hold_s, self._hold_ticks = (
             mission.ticks,
             mission.hold_s,
@@ -157,7 +158,8 @@ class Judgement:
         if self.decision is None:
             self._sum_up(tick, verdict, position)
             self.decision, self._decided_tick = self._decide(tick, verdict), tick
-        self.over = self.decision is not None and (verdict.collided or self._strict.known(tick))
+        settled = not self._both or verdict.collided or self._strict.known(tick)
+        self.over = self.decision is not None and settled
 
     def _sum_up(self, tick: int, verdict: Verdict, position: NDArray[np.float64]) -> None:
         self._verdict = verdict
@@ -205,7 +207,7 @@ class Judgement:
             digest=self._hash.hexdigest(),
             paper_tau_s=_seconds(strict.formed_tick),
             strict_tau_s=_seconds(strict.tau_tick),
-            stood_on=strict.stood if strict.formed_tick >= 0 else None,
+            stood_on=strict.stood if self._both and strict.formed_tick >= 0 else None,
             agreed_at_success=strict.agreed if strict.formed_tick >= 0 else None,
         )
 

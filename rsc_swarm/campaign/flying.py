@@ -103,8 +103,12 @@ def fly_task(plan: Plan, task: int) -> Tally:
     return tally
 
 
-def fly_all(missions: Sequence[Mission]) -> list[Flight]:
-    """Fly missions that agree in all but seeds, faults and radios; the flights in their order."""
+def fly_all(missions: Sequence[Mission], both: bool = False) -> list[Flight]:
+    """Fly missions that agree in all but seeds, faults and radios; the flights in their order.
+
+    Args:
+        both: judge both successes; what a campaign asks for is known before.
+    """
     flights: dict[int, Flight] = {}
     by_radio: dict[str, list[int]] = {}
     for place, mission in enumerate(missions):
@@ -113,7 +117,7 @@ def fly_all(missions: Sequence[Mission]) -> list[Flight]:
         most = flights_at_once(missions[places[0]])
         for first in range(0, len(places), most):
             together = places[first : first + most]
-            for said in fly_together([missions[place] for place in together]):
+            for said in fly_together([missions[place] for place in together], both):
                 if not isinstance(said, int):
                     flights[together[said[0]]] = said[1]
     return [flights[place] for place in range(len(missions))]

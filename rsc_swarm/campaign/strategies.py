@@ -3,8 +3,9 @@
 Simpler is nearer to nothing going wrong, early: so Hypothesis shrinks towards the mission itself.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
@@ -89,14 +90,12 @@ def _checked(mission: Mission, fields: dict[str, Any]) -> Mission | None:
         return None
 
 
-@st.composite
-def _troubles(draw: st.DrawFn, mission: Mission, budget: Budget) -> tuple[Trouble, ...]:
+def _troubles(mission: Mission, budget: Budget) -> SearchStrategy[tuple[Trouble, ...]]:
     """Half of the troubles come together: to one drone, and about one moment, which is likely to be an early one, while slots
     are traded most. What goes wrong alone is mostly survived."""
     everyone, last = st.integers(0, mission.agents - 1), ticks_of(budget.until_s)
-    focus, moment = draw(everyone), draw(st.integers(0, last) | st.integers(0, last // 4))
-    drone = everyone | st.just(focus)
-    begin = st.integers(0, last) | st.integers(moment, min(moment + _TOGETHER, last))
+    anytime = st.integers(0, last)
+    drone, begin = everyone | st.none(), anytime | st.integers(0, _TOGETHER).map(_After)
 
     def lasting(longest_s: float) -> SearchStrategy[int]:
         return st.integers(1, max(1, ticks_of(longest_s)))
@@ -127,7 +126,39 @@ def _troubles(draw: st.DrawFn, mission: Mission, budget: Budget) -> tuple[Troubl
         for kind in kinds
         if getattr(budget, kind) and (kind != "part" or mission.agents > 1)
     ]
-    return tuple(faults for some in allowed for faults in draw(some))
+
+    def made(drone: int, moment: int, drafts: tuple[list[_Draft], ...]) -> tuple[Trouble, ...]:
+        spot = _Spot(drone, moment, last)
+        return tuple(draft(spot) for some in drafts for draft in some)
+
+    return st.builds(made, everyone, anytime | st.integers(0, last // 4), st.tuples(*allowed))
+
+
+class _After(NamedTuple):
+    """When: so many ticks after the moment of `_Spot`."""
+
+    ticks: int
+
+
+class _Spot(NamedTuple):
+    """Where troubles come together: at which drone, and from which tick on; none begins after ``last``."""
+
+    drone: int
+    moment: int
+    last: int
+
+    def who(self, drone: int | None) -> int:
+        """Who is struck; None: the drone that all strikes."""
+        return self.drone if drone is None else drone
+
+    def when(self, begin: "int | _After") -> int:
+        """The tick at which it begins."""
+        return min(self.moment + begin.ticks, self.last) if isinstance(begin, _After) else begin
+
+
+# What is drawn of a trouble before it is known where troubles come together: strategies that depended on that would be made, and
+# checked by Hypothesis, anew for every mission, which took longer than to draw from them.
+_Draft = Callable[[_Spot], Trouble]
 
 
 def _at(tick: int, kind: str, **what: Any) -> dict[str, Any]:
@@ -135,28 +166,37 @@ def _at(tick: int, kind: str, **what: Any) -> dict[str, Any]:
 
 
 def _one(kind: str) -> Any:
-    def made(drone: int, begin: int) -> Trouble:
-        return [_at(begin, kind, agents=[drone])]
+    def draft(drone: int | None, begin: int | _After) -> _Draft:
+        return lambda spot: [_at(spot.when(begin), kind, agents=[spot.who(drone)])]
 
-    return made
+    return draft
 
 
 def _pair(first: str, second: str) -> Any:
-    def made(drone: int, begin: int, lasting: int) -> Trouble:
-        return [_at(begin, first, agents=[drone]), _at(begin + lasting, second, agents=[drone])]
+    def draft(drone: int | None, begin: int | _After, lasting: int) -> _Draft:
+        return lambda spot: _both(spot.when(begin), lasting, first, second, agents=[spot.who(drone)])
+
+    return draft
+
+
+def _both(begin: int, lasting: int, first: str, second: str, **what: Any) -> Trouble:
+    return [_at(begin, first, **what), _at(begin + lasting, second, **what)]
+
+
+def _slow(drone: int | None, begin: int | _After, lasting: int, percent: int) -> _Draft:
+    def made(spot: _Spot) -> Trouble:
+        slow, recover = _both(spot.when(begin), lasting, "slow", "recover", agents=[spot.who(drone)])
+        return [{**slow, "factor": percent / 100}, recover]
 
     return made
 
 
-def _slow(drone: int, begin: int, lasting: int, percent: int) -> Trouble:
-    return [
-        _at(begin, "slow", agents=[drone], factor=percent / 100),
-        _at(begin + lasting, "recover", agents=[drone]),
-    ]
+def _spell(begin: int | _After, lasting: int, percent: int) -> _Draft:
+    def made(spot: _Spot) -> Trouble:
+        lossy, over = _both(spot.when(begin), lasting, "loss", "loss", loss=percent / 100)
+        return [lossy, {**over, "loss": 0.0}]
 
-
-def _spell(begin: int, lasting: int, percent: int) -> Trouble:
-    return [_at(begin, "loss", loss=percent / 100), _at(begin + lasting, "loss", loss=0.0)]
+    return made
 
 
 def _under(radio: Radio, faults: Trouble) -> Trouble:
@@ -167,8 +207,13 @@ def _under(radio: Radio, faults: Trouble) -> Trouble:
 
 
 def _part(agents: int) -> Any:
-    def made(apart: set[int], begin: int, lasting: int) -> Trouble:
+    def draft(apart: set[int], begin: int | _After, lasting: int) -> _Draft:
         groups = [sorted(apart), sorted(set(range(agents)) - apart)]
-        return [_at(begin, "part", groups=groups), _at(begin + lasting, "heal")]
 
-    return made
+        def made(spot: _Spot) -> Trouble:
+            tick = spot.when(begin)
+            return [_at(tick, "part", groups=groups), _at(tick + lasting, "heal")]
+
+        return made
+
+    return draft

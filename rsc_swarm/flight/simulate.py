@@ -33,11 +33,12 @@ class Simulation:
         rehearsal: bool = False,
         telling: bool = False,
         watched: bool = False,
+        both: bool = True,
     ) -> None:
         """Make the worlds and the drones; for a ``rehearsal``, in a process that will fork, they open nothing.
 
         Args:
-            watched: as WorldCore.
+            watched, both: as WorldCore.
             telling: every drone gives an account of itself now and then, for a whole report of each flight. In several worlds
                 they else tell only what the invariants must know.
 
@@ -45,7 +46,7 @@ class Simulation:
             world.field.FieldError, agent.policy.PolicyError: as WorldCore and AgentCore.
         """
         self.mission = missions[0]
-        self.world = WorldCore(missions, watched)
+        self.world = WorldCore(missions, watched, both)
         worlds, agents = self.world.shape
         self._rows, self._telling = worlds * agents, telling or worlds == 1
         self._air = Air(self.mission.swarm, agents, self.world.ring * self._rows)

@@ -106,9 +106,12 @@ def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
         yield said if isinstance(said, int) else said[1]
 
 
-def fly_together(missions: list[Mission]) -> Iterator[tuple[int, Flight] | int]:
+def fly_together(missions: list[Mission], both: bool = True) -> Iterator[tuple[int, Flight] | int]:
     """Fly missions that agree in all but seeds, obstacles and faults in step; yields flights as they end, each with the place of
     its mission, and ticks flown.
+
+    Args:
+        both: judge both successes (world.core.WorldCore).
 
     Raises:
         world.field.FieldError: one of the maps leaves no room to start.
@@ -123,7 +126,7 @@ def fly_together(missions: list[Mission]) -> Iterator[tuple[int, Flight] | int]:
                 world, ended, watched, swaps = said
                 yield world, Flight(*seeds[world], ended, watched, swaps)
         return
-    simulation = Simulation(missions)
+    simulation = Simulation(missions, both=both)
     flown = 0
     while simulation.world.active.any():
         flown += int(simulation.world.active.sum())

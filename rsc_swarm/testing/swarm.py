@@ -53,7 +53,7 @@ class Swarm:
 
     def fly(self, mission: Mission) -> Flight:
         """Fly one in this process: how it ended (``outcome``), and what was watched of the slots (``watched``)."""
-        return fly_all([mission])[0]
+        return fly_all([mission], both=True)[0]
 
     def survives(self, mission: Mission) -> None:
         """Fly it, and ask for safety and liveness (docs/campaigns.md).

@@ -1,5 +1,7 @@
 """The strict success: near one's slot, of one mind, and for two seconds; and that it is judged beside the paper's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,14 @@ def flown(
     *spells: tuple[Verdict, int] | tuple[Verdict, int, bool], **fields: object
 ) -> tuple[Judgement, int]:
     """The judgement of a flight in which the referee says this for so many ticks each, and on whether all agree; and its end."""
-    judgement, tick = Judgement(parse_mission({"agents": 4, **fields})), 0
+    judgement = Judgement(parse_mission({"agents": 4, **fields}))
+    return fed(judgement, *spells)
+
+
+def fed(
+    judgement: Judgement, *spells: tuple[Verdict, int] | tuple[Verdict, int, bool]
+) -> tuple[Judgement, int]:
+    tick = 0
     for verdict, ticks, *agreed in spells:
         for _ in range(ticks):
             if judgement.over:
@@ -47,6 +56,16 @@ def test_who_stands_for_two_seconds_has_both_successes_and_the_paper_s_ends_the_
     assert (outcome.success, outcome.tau_s, outcome.ticks) == (True, 0.1, 10)
     assert (outcome.paper_tau_s, outcome.strict_tau_s, tick) == (0.1, 0.1, 210)
     assert (outcome.stood_on, outcome.agreed_at_success) == (True, True)
+
+
+def test_who_asks_for_one_success_waits_for_no_other_and_has_the_same_flight() -> None:
+    mission = parse_mission({"agents": 4})
+    alone, end = fed(Judgement(mission, both=False), (AWAY, 9), (THERE, 1000))
+    assert end == 10, "over as soon as it is decided"
+    whole = told(*fed(Judgement(mission), (AWAY, 9), (THERE, 1000)))
+    assert told(alone, end) == replace(whole, strict_tau_s=None, stood_on=None), (
+        "what is not known is not said"
+    )
 
 
 def test_what_follows_the_decision_changes_nothing_but_the_other_success() -> None:
