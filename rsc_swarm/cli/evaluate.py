@@ -27,7 +27,7 @@ class TableOptions:
     table: Annotated[
         str | None,
         typer.Option(
-            metavar="1|2|3|harder|slots",
+            metavar="1|2|3|harder|letter|slots",
             help="Fly a whole table instead, beside the paper's figures.",
             rich_help_panel=_TABLES,
         ),

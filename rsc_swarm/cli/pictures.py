@@ -13,6 +13,7 @@ from rsc_swarm.options import MissionOptions, chosen, flag, resolve
 from rsc_swarm.show.plots.curves import draw_curves, draw_horizons
 from rsc_swarm.show.plots.film import Film, film
 from rsc_swarm.show.plots.flight import draw
+from rsc_swarm.show.plots.letter import draw_letter
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.show.progress import Meter
 from world.outlets.recorder import Recorder
@@ -25,6 +26,7 @@ class Subject:
     run_dir: Path | None = None
     compare: str | None = None
     horizons: Path | None = None
+    letter: Path | None = None
     curve: Sequence[Path] = ()
 
     @property
@@ -58,7 +60,7 @@ def make(
     for name, file in files:
         if file.is_dir() or not file.absolute().parent.is_dir():
             raise PlotError(f"--{name} {file}: give a file in a directory that exists")
-    if films and (subject.compare or subject.horizons or subject.curve):
+    if films and (subject.compare or subject.horizons or subject.letter or subject.curve):
         raise PlotError(f"--{next(iter(films))}: a film shows one flight; leave {subject.given[0]} out")
     if films:
         _show(
@@ -92,11 +94,15 @@ def _show(track: Recorded, picture: Path | None, films: Mapping[Film, Path]) -> 
 
 def _draw(options: MissionOptions, out: Path, subject: Subject) -> str:
     """Draw, and say in a few words what."""
-    if subject.horizons:
-        from rsc_swarm.study.tables.result import read_table
+    for table, drawing, said in (
+        (subject.horizons, draw_horizons, "success against horizon"),
+        (subject.letter, draw_letter, "from the letter to ours"),
+    ):
+        if table:
+            from rsc_swarm.study.tables.result import read_table
 
-        draw_horizons(read_table(subject.horizons), out)
-        return "success against horizon"
+            drawing(read_table(table), out)
+            return said
     if subject.curve:
         draw_curves(subject.curve, out)
         return f"{len(subject.curve)} training{'s' if len(subject.curve) > 1 else ''}"

@@ -23,6 +23,25 @@ class FilmOptions:
     ] = None
 
 
+@dataclass(frozen=True)
+class TableOptions:
+    """Tables that a picture is to be made of."""
+
+    horizons: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Draw success against horizon, from the JSON of evaluate --table 1."
+        ),
+    ] = None
+    letter: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw the way from the paper to ours, from the JSON of evaluate --table letter.",
+        ),
+    ] = None
+
+
 @app.command(
     epilog=examples(
         "plot --map 8 --out flight.png",
@@ -30,12 +49,14 @@ class FilmOptions:
         "plot flights/1 --gif flight.gif",
         "plot --compare 25,36 --map 8",
         "plot --horizons tables/table-1.json",
+        "plot --letter tables/table-letter.json",
     )
 )
 @with_options
 def plot(
     options: MissionOptions,
     films: FilmOptions,
+    tables: TableOptions,
     run: Annotated[
         Path | None,
         typer.Argument(
@@ -59,12 +80,6 @@ def plot(
             help="Fly the mission with each of these numbers of drones, one picture below the other.",
         ),
     ] = None,
-    horizons: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Draw success against horizon, from the JSON of evaluate --table 1."
-        ),
-    ] = None,
     curve: Annotated[
         list[Path] | None,
         typer.Option(metavar="DIR", help="Draw the learning curves of a training; may be repeated."),
@@ -77,4 +92,5 @@ def plot(
 
     wanted: dict[Film, Path | None] = {"gif": films.gif, "mp4": films.mp4}
     asked = {kind: file for kind, file in wanted.items() if file}
-    make(options, out, Subject(run or run_dir, compare, horizons, tuple(curve or ())), asked)
+    subject = Subject(run or run_dir, compare, tables.horizons, tables.letter, tuple(curve or ()))
+    make(options, out, subject, asked)

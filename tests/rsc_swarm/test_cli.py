@@ -141,7 +141,7 @@ def test_where_the_command_starts_a_foreign_module_is_named_too(tmp_path):
         ("simulate --json /nowhere/x.json", "--json /nowhere/x.json: give a file in a directory that exists"),
         ("simulate --run-dir /proc/flight", "--run-dir /proc/flight: cannot be written"),
         ("evaluate --map 3", "--map and --seed: evaluate chooses the seeds"),
-        ("evaluate --table 5", "--table 5: there is none; the tables are 1, 2, 3, harder, slots"),
+        ("evaluate --table 5", "--table 5: there is none; the tables are 1, 2, 3, harder, letter, slots"),
         ("evaluate --table 1 --agents 6", "--agents: the rows of a table say what is flown"),
         ("evaluate --table 1 --json x.json", "--json: a table writes its JSON into --out"),
         ("evaluate --rows expert", "--rows and --out: are for tables; say which one with --table"),

@@ -22,7 +22,7 @@ from rsc_swarm.show.plots.flight import draw, edges, free_place
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study.intervals import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
-from rsc_swarm.study.tables.rows import Paper
+from rsc_swarm.study.tables.table import Paper
 from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory, TrajectoryError
 
@@ -221,6 +221,19 @@ def test_success_against_horizon_is_drawn_from_a_table(tmp_path, capsys):
     write_table(tmp_path, TableResult(table="1", title="", rows=(horizon_row("Saber", "", 0.1),)), "")
     with pytest.raises(PlotError, match="table 1 has no RSC rows yet"):
         plot_command.make(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
+
+
+def test_the_way_from_the_letter_to_ours_is_drawn_from_a_table(tmp_path):
+    keys = ("rsc-h20/letter", "rsc-h20/ours", "onward/rsc-h20/filter", "back/rsc-h20/detour")
+    rows = [horizon_row("RSC-H20", key, 0.5).model_copy(update={"key": key}) for key in keys]
+    write_table(tmp_path, TableResult(table="letter", title="", rows=tuple(rows)), "")
+    plot_command.make(MissionOptions(), tmp_path / "l.png", Subject(letter=tmp_path / "table-letter.json"))
+    assert (tmp_path / "l.png").read_bytes().startswith(PNG)
+    write_table(tmp_path, TableResult(table="letter", title="", rows=tuple(rows[:3])), "")
+    with pytest.raises(PlotError, match="table letter lacks rows of the steps"):
+        plot_command.make(
+            MissionOptions(), tmp_path / "l.png", Subject(letter=tmp_path / "table-letter.json")
+        )
 
 
 def test_learning_curves_are_drawn_from_what_training_wrote(tmp_path):

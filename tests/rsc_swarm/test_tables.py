@@ -18,7 +18,9 @@ from rsc_swarm.study.tables import flying, plan_error, rows
 from rsc_swarm.study.tables.markdown import cells, drawn, legend, markdown, page
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import TableError, as_csv, path_of, read_table, read_tables
-from rsc_swarm.study.tables.rows import TABLES, Paper, Place, Row, Table, Way, chosen
+from rsc_swarm.study.tables.rows import TABLES
+from rsc_swarm.study.tables.table import Paper, Place, Row, Table, Way, chosen
+from rsc_swarm.study.tables.verify import sample
 from rsc_swarm.study.workers import Flight, WorkerError
 
 HERE = Place("here", "4 drones", MissionOptions(agents=4, set=["fly_s=0.3"]))
@@ -64,17 +66,59 @@ def test_the_tables_have_the_papers_rows():
 
 
 def test_as_in_the_paper_is_without_what_the_paper_has_not():
-    (row,) = chosen(TABLES["3"], "no-blend/no-swaps/paper")
+    (row,) = chosen(TABLES["3"].rows, "no-blend/no-swaps/paper", "table 3")
     mission = resolve(row.options)
     assert (mission.trajectory.tracking, mission.trajectory.replan_ticks) == ("required", 20)
     assert (mission.trajectory.blend, mission.safety_filter, mission.swap.rule) == (False, False, "off")
     assert row.paper == Paper(38.0, 12.08, 8.75, 36.0)
-    (ours,) = chosen(TABLES["1"], "rsc-h20/ours")
+    (ours,) = chosen(TABLES["1"].rows, "rsc-h20/ours", "table 1")
     assert resolve(ours.options) == Mission(policy="rsc-h20")
 
 
+def test_all_steps_from_the_letter_make_ours_in_either_order():
+    letter, ours = (resolve(row.options) for row in TABLES["letter"].rows[:2])
+    assert letter == resolve(MissionOptions(mission="paper", policy="rsc-h20"))
+    assert ours.model_copy(update={"name": "plain"}) == Mission(policy="rsc-h20")
+    for order in ("onward", "back"):
+        last = chosen(TABLES["letter"].rows, order, "table letter")[-1]
+        missing = {"onward": "all-but/detour", "back": "all-but/filter"}[order]
+        (same,) = chosen(TABLES["letter"].rows, missing, "table letter")
+        assert resolve(last.options) == resolve(same.options)
+
+
+def test_a_table_is_verified_by_flying_some_of_it_again(tmp_path, capsys):
+    evaluate(tmp_path, maps=3)
+    path = path_of(tmp_path, "small")
+    assert command.verify_tables(read_tables(tmp_path), None, 2, Who(1)) == 0
+    assert "2 of 2 rows as they stand" in capsys.readouterr().out
+    table = read_table(path)
+    moved = [
+        row.model_copy(update={"failures": {"collision": row.failures["late"]}}) for row in table.rows[:1]
+    ]
+    elsewhere = [row.model_copy(update={"command": "rsc-swarm evaluate"}) for row in table.rows[1:]]
+    path.write_text(table.model_copy(update={"rows": (*moved, *elsewhere)}).model_dump_json())
+    assert command.verify_tables(read_tables(tmp_path), None, 2, Who(1)) == 1
+    out = capsys.readouterr().out
+    assert (
+        "table small, here/analytic/bare: map 1000000, seed 1000000000: late now, collision in the table; "
+        in out
+    )
+    assert "table small, here/cruise: is flown by another command now: rsc-swarm evaluate --agents 4" in out
+    assert out.endswith("0 of 2 rows as they stand\n")
+
+
+def test_half_of_what_is_verified_failed_where_so_many_did(tmp_path):
+    evaluate(tmp_path, "analytic", maps=10)
+    (row,) = read_table(path_of(tmp_path, "small")).rows
+    lost = row.failures["late"]
+    few = row.model_copy(update={"failures": {"late": lost[:3]}})
+    assert [seed in lost[:3] for _, seed in sample(few, 4)] == [True, True, False, False]
+    assert len(sample(few, 100)) == len({*sample(few, 100)}) == 10
+    assert len(sample(row, 4)) == 4
+
+
 def test_rows_are_chosen_by_their_words():
-    keys = [row.key for row in chosen(TABLES["2"], "n36/ours, n6/expert")]
+    keys = [row.key for row in chosen(TABLES["2"].rows, "n36/ours, n6/expert", "table 2")]
     assert keys == [
         "n6/expert",
         "n36/analytic/ours",
@@ -82,9 +126,9 @@ def test_rows_are_chosen_by_their_words():
         "n36/rsc-h30/ours",
         "n36/rsc-h40/ours",
     ]
-    assert chosen(SMALL, None) == list(SMALL.rows)
+    assert chosen(SMALL.rows, None, "table small") == list(SMALL.rows)
     with pytest.raises(MissionError, match=r"--rows n7: no such row in table 2; its words are n6, expert, "):
-        chosen(TABLES["2"], "n6,n7")
+        chosen(TABLES["2"].rows, "n6,n7", "table 2")
 
 
 def test_a_table_is_written_for_people_and_programs(tmp_path, capsys):
@@ -131,7 +175,7 @@ def test_what_a_rule_for_slots_costs_stands_in_its_table_only(tmp_path, monkeypa
 
 
 def test_the_slots_table_flies_every_rule_where_slots_matter():
-    missions = [resolve(row.options) for row in chosen(TABLES["slots"], "form-up/n36")]
+    missions = [resolve(row.options) for row in chosen(TABLES["slots"].rows, "form-up/n36", "table slots")]
     assert [(mission.swap.rule, mission.swap.protocol) for mission in missions] == [
         ("contact", "agreed"), ("contact", "highest-version"), ("off", "agreed")
     ]  # fmt: skip
@@ -198,7 +242,7 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path):
 def test_all_tables_make_one_page(tmp_path, capsys):
     evaluate(tmp_path)
     capsys.readouterr()
-    command.tables(tmp_path)
+    command.tables(folder=tmp_path, workers=None, on=None)
     said = capsys.readouterr().out
     assert said == page(read_tables(tmp_path))
     assert "\n## small: A small table\n\n| drones | model |" in said

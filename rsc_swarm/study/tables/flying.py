@@ -18,7 +18,7 @@ from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.progress import TICKS_GUESS, Flights, Meter
 from rsc_swarm.study.tables.plan_error import accuracy_of
 from rsc_swarm.study.tables.result import RowResult, TableError, row_result
-from rsc_swarm.study.tables.rows import Row
+from rsc_swarm.study.tables.table import Row
 from rsc_swarm.study.workers import Seeds
 
 

@@ -7,7 +7,8 @@ from rich.text import Text
 
 from rsc_swarm.study.evaluate import flown_on
 from rsc_swarm.study.tables.result import RowResult, TableResult
-from rsc_swarm.study.tables.rows import TABLES, Paper
+from rsc_swarm.study.tables.rows import TABLES
+from rsc_swarm.study.tables.table import Paper
 
 _LEGEND = (
     "S success with its 95 % interval, C collision, D any other failure; tau: mean time to success; "
@@ -37,6 +38,13 @@ _WAYS = (
 _POOR_RADIO = (
     "*poor-radio*: drones sense their neighbours all the same; what gets lost is what they say of slots. "
 )
+_HEARD = "*heard*: they know of their neighbours by radio alone, at 10 frames a second, so what gets lost can collide them. "
+_LETTER = (
+    "*Letter*: mission `paper`, the paper's control to the letter ([paper.md](paper.md)), with our network. *Ours*: all eight "
+    "changes made, which is the default mission. *+*: this change made; *-*: all made but this one. In *letter to ours* and *in "
+    "the other order* a row has the changes of all rows above it, too. How much a change is worth beside the others, one sees "
+    "from what it adds where it comes first and where it comes last. "
+)
 _SLOT_COLUMNS = ("undone", "two in a slot s")  # of the table that is about slots
 _SLOTS = (
     "*Agreed* (the default): both drones of a swap agree before either moves; *highest version*: one drone swaps at "
@@ -47,7 +55,8 @@ _PAGE = """# Results
 
 The paper's tables, flown again under the definitions of [task.md](task.md), and what harder fields and other rules for trading
 slots do. Each row can be flown alone: its command is in the JSON beside this page. A whole table: `rsc-swarm evaluate --table 1`,
-and so on. This page is made from the JSON by `rsc-swarm tables docs/results`.
+and so on. This page is made from the JSON by `rsc-swarm tables docs/results`. `rsc-swarm tables docs/results --verify` flies some
+flights of each row again, failed ones and others, and says which rows still come out so; a row's commit is in the JSON.
 """
 
 
@@ -89,7 +98,9 @@ def legend(result: TableResult) -> str:
     text += _STRICT if any(row.strict_rate is not None for row in rows) else ""
     text += _MAE if any(row.accuracy for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
-    text += _POOR_RADIO if any("poor-radio" in row.place for row in rows) else ""
+    text += _POOR_RADIO if any(row.place.startswith("poor-radio") for row in rows) else ""
+    text += _HEARD if any("heard" in row.place for row in rows) else ""
+    text += _LETTER if result.table == "letter" else ""
     text += _SLOTS if TABLES[result.table].of_slots else ""
     flown = sorted({(row.runs, row.maps, row.starts) for row in rows})
     for runs, maps, starts in flown:

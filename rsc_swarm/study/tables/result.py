@@ -10,9 +10,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from protocols.errors import SwarmError
 from protocols.whole_file import write_whole
-from rsc_swarm.options import command_line
+from rsc_swarm.flight.provenance import commit
+from rsc_swarm.options import MissionOptions, command_line
 from rsc_swarm.study.evaluate import Evaluation
-from rsc_swarm.study.tables.rows import TABLES, Paper, Row, Table
+from rsc_swarm.study.tables.rows import TABLES
+from rsc_swarm.study.tables.table import Paper, Row, Table
 
 
 class TableError(SwarmError, RuntimeError):
@@ -78,6 +80,10 @@ class RowResult(BaseModel):
     )
     command: str = Field(description="flies this row alone")
     code: str = Field(description="fingerprint of mission and code")
+    commit: str | None = Field(
+        None,
+        description="of the checkout that flew it (rsc_swarm.flight.provenance); null likewise, or if it was no checkout",
+    )
 
 
 def _known(table: str) -> str:
@@ -105,7 +111,6 @@ def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowRes
         include=RowResult.model_fields.keys() & Evaluation.model_fields.keys() - {"failures"}
     )
     swaps = flown.swaps_per_flight
-    first, last = flown.maps
     return RowResult(
         **{**same, "swaps_per_flight": swaps["committed"] + swaps["vacated"]},
         undone_per_flight=swaps["undone"],
@@ -118,10 +123,15 @@ def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowRes
         paper=row.paper,
         accuracy=accuracy,
         failures=failures,
-        command=command_line(
-            "evaluate", row.options, maps=last - first + 1, starts=flown.starts, seed_base=first
-        ),
+        command=command_of(row.options, flown.maps, flown.starts),
+        commit=commit(),
     )
+
+
+def command_of(options: MissionOptions, maps: tuple[int, int], starts: int) -> str:
+    """The command that flies a row with these ``options`` alone."""
+    first, last = maps
+    return command_line("evaluate", options, maps=last - first + 1, starts=starts, seed_base=first)
 
 
 def merged(table: Table, old: TableResult | None, new: list[RowResult]) -> TableResult:
@@ -201,6 +211,7 @@ def _flat(row: RowResult) -> dict[str, object]:
                 "failures",
                 "command",
                 "code",
+                "commit",
             }
         ),
         "success_low": low,
@@ -214,4 +225,5 @@ def _flat(row: RowResult) -> dict[str, object]:
         "last_map": row.maps[1],
         "command": row.command,
         "code": row.code,
+        "commit": row.commit,
     }

@@ -1,106 +1,12 @@
-"""What stands in each table: which controller is flown where and how, and what the paper reports for it.
-
-A row is flown by `rsc-swarm evaluate` with its options. Its key is made of words, such as ``n36/rsc-h20/paper``; `chosen` finds
-rows by some of them.
-"""
+"""What stands in each table: which controller is flown where and how."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from protocols.mission.document import MissionError
 from rsc_swarm.options import Formation, MissionOptions
-
-
-@dataclass(frozen=True)
-class Paper:
-    """A row of the paper: S and D in %, tau in s, MAE in 1e-4 m; None where it has a dash."""
-
-    success_pct: float
-    tau_s: float | None
-    mae_1e4_m: float | None
-    noncollision_pct: float
-
-    @property
-    def collision_pct(self) -> float:
-        """C in %: the paper counts every failure as a collision or as D."""
-        return 100 - self.success_pct - self.noncollision_pct
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where rows are flown. word: for keys; title: for people; options: the mission."""
-
-    word: str
-    title: str
-    options: MissionOptions
-
-
-@dataclass(frozen=True)
-class Way:
-    """How a controller is flown. word: for keys; title: for people; settings: on top of the mission."""
-
-    word: str
-    title: str
-    settings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row: a controller (name), flown in a way at a place, and the paper's figures where it has them."""
-
-    place: Place
-    name: str
-    way: Way
-    policy: str
-    paper: Paper | None = None
-
-    @property
-    def key(self) -> str:
-        """The row's words, joined by slashes; no two rows of a table have the same."""
-        return "/".join(word for word in (self.place.word, self.name.lower(), self.way.word) if word)
-
-    @property
-    def options(self) -> MissionOptions:
-        """What `rsc-swarm evaluate` is told to fly this row."""
-        texts = (*(self.place.options.set or ()), *self.way.settings)
-        settings = dict(text.split("=") for text in texts)  # the last word on a field counts
-        return replace(
-            self.place.options,
-            policy=self.policy,
-            set=[f"{name}={value}" for name, value in settings.items()],
-        )
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table. name: for ``--table``; places: the heading over the rows' places, empty if there is only one; of_slots: it
-    shows what trading slots cost."""
-
-    name: str
-    title: str
-    places: str
-    rows: tuple[Row, ...]
-    of_slots: bool = False
-
-
-def chosen(table: Table, names: str | None) -> list[Row]:
-    """The rows that ``--rows`` asks for: each name, between commas, takes the rows that have all its words.
-
-    Raises:
-        MissionError: a name that no row has.
-    """
-    wanted = [frozenset(name.strip().split("/")) for name in (names or "").split(",") if name.strip()]
-    words = [frozenset(row.key.split("/")) for row in table.rows]
-    for name in wanted:
-        if not any(name <= of_row for of_row in words):
-            known = list(dict.fromkeys(word for row in table.rows for word in row.key.split("/")))
-            raise MissionError(
-                f"--rows {'/'.join(sorted(name))}: no such row in table {table.name}; its words are {', '.join(known)}"
-            )
-    pairs = zip(table.rows, words, strict=True)
-    return [row for row, of_row in pairs if not wanted or any(name <= of_row for name in wanted)]
-
+from rsc_swarm.study.tables.letter import letter_rows
+from rsc_swarm.study.tables.table import Paper, Place, Row, Table, Way
 
 _PLAIN = Place("", "", MissionOptions())
 _LETTER = Place("", "", MissionOptions(mission="paper"))
@@ -203,6 +109,23 @@ def _table_3() -> Iterator[Row]:
             yield Row(place, "RSC-H20", replace(way, settings=way.settings + off), "rsc-h20", paper)
 
 
+_HEARD = "sensing.neighbours=heard"
+
+
+def _heard() -> Iterator[Row]:
+    """Neighbours known by radio alone: here what is lost of it can collide drones."""
+    dense = MissionOptions(mission="dense", frame_rate=10.0)
+    for place in (
+        Place("heard-70", "poor-radio-70, heard", MissionOptions(mission="poor-radio-70", set=[_HEARD])),
+        Place("heard-n12", "dense, 12 drones, 70 % lost, heard",
+              replace(dense, agents=12, burst=0.7, set=[_HEARD])),
+        Place("heard-dense", "dense, scrambled, 50 % lost, heard",
+              replace(dense, burst=0.5, set=["start.scrambled=true", _HEARD])),
+    ):  # fmt: skip
+        yield Row(place, "Analytic", _OURS, "analytic")
+        yield Row(place, "RSC-H20", _OURS, "rsc-h20")
+
+
 _HARDER = ("dense", "scrambled", "slow-leader", "fast-target", "poor-radio-30", "poor-radio-50", "poor-radio-70",
            "lost-agent")  # fmt: skip
 _EXPERTS = ("dense", "scrambled", "fast-target")  # it has no radio that could be poor, and nobody to lose
@@ -226,6 +149,7 @@ def _table_harder() -> Iterator[Row]:
         if mission == "dense":
             yield Row(place, "RSC-H20", _STRAIGHT, "rsc-h20")
             yield Row(place, "RSC-H20", _OFTEN, "rsc-h20")
+    yield from _heard()
 
 
 _RULES = (
@@ -252,6 +176,7 @@ TABLES = {
         Table("2", "Other sizes, without training for them", "drones", tuple(_table_2())),
         Table("3", "What the blend and the swaps are worth", "blend / swaps", tuple(_table_3())),
         Table("harder", "Harder fields, 25 drones", "field", tuple(_table_harder())),
+        Table("letter", "From the paper to the letter to ours", "change", tuple(letter_rows())),
         Table("slots", "Rules for trading slots", "field, drones", tuple(_table_slots()), of_slots=True),
     )
 }
