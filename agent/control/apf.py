@@ -26,22 +26,23 @@ class Apf(NamedTuple):
     """The constants of the three terms. Distances are centre to centre for drones, to the surface for obstacles."""
 
     contact_m: float = 0.5  #: m, distance that counts as a collision
-    form_pull: float = 0.983  #: 1/s², towards the leader's place for me
-    form_reach: float = 2.94  #: m, error beyond which that pull no longer grows
-    form_damping: float = 0.102  #: 1/s, on the velocity relative to the leader's
-    morse_strength: float = 1.46  #: m/s²
-    morse_decay: float = 0.989  #: 1/m
-    morse_range: float = 2.68  #: m, no repulsion beyond
-    obstacle_push: float = 3.47  #: m³/s², of the repulsion (1/d - 1/range) / d²
-    obstacle_range: float = 4.09  #: m
-    obstacle_damping: float = 2.98  #: 1/s at contact, on the velocity relative to its robot
-    goal_pull: float = 2.64  #: 1/s², towards the place of the own slot
-    goal_reach: float = 6.93  #: m, error beyond which that pull no longer grows
-    goal_damping: float = 3.41  #: 1/s, on the velocity relative to the virtual leader's
+    form_pull: float = 2.0  #: 1/s², towards the leader's place for me
+    form_reach: float = 4.3  #: m, error beyond which that pull no longer grows
+    form_damping: float = 0.22  #: 1/s, on the velocity relative to the leader's
+    morse_strength: float = 1.5  #: m/s²
+    morse_decay: float = 1.0  #: 1/m
+    morse_range: float = 3.3  #: m, no repulsion beyond
+    obstacle_push: float = 50.0  #: m/s² at contact, falling to 0 at the range as a square does
+    obstacle_range: float = 4.6  #: m
+    obstacle_wall: float = 4.5  #: m²/s², of what is added within 1 m of contact
+    obstacle_damping: float = 3.15  #: 1/s at contact, on the velocity relative to its robot
+    goal_pull: float = 2.95  #: 1/s², towards the place of the own slot
+    goal_reach: float = 10.9  #: m, error beyond which that pull no longer grows
+    goal_damping: float = 2.9  #: 1/s, on the velocity relative to the virtual leader's
 
 
 APF = Apf()
-_LEAST_M = 0.2  # nearer than contact the repulsion grows no more
+_WALL_M, _LEAST_M = 1.0, 0.1  # how far from contact the wall begins, and where it grows no more
 
 
 def apf_for(collision_m: float) -> Apf:
@@ -74,7 +75,12 @@ def formation_term(aim: Aim, leader_velocity: Vector, near: Neighbours, apf: Apf
 @inlined_kernel
 def obstacle_term(discs: Discs, velocity: Vector, apf: Apf) -> Vector:
     """a_obs [m/s²]: the robot of an obstacle is at the projection of the drone on its surface, and slides along with its
-    ``velocity`` [m/s]: Olfati-Saber's beta-agent."""
+    ``velocity`` [m/s]: Olfati-Saber's beta-agent.
+
+    It pushes from afar and hardly harder near by: so a drone is stopped well before two obstacles that leave no way between them,
+    where both together still turn it aside like one, and not in the pocket between them, which holds it. Near contact a wall is
+    added, and nobody drifts in.
+    """
     a_x, a_y = 0.0, 0.0
     for i in range(discs.size):
         r_x, r_y, radius = discs.rel[i, 0], discs.rel[i, 1], discs.radius[i]
@@ -83,11 +89,12 @@ def obstacle_term(discs: Discs, velocity: Vector, apf: Apf) -> Vector:
         if centre < 1e-6 or d >= apf.obstacle_range:
             continue
         n_x, n_y = -r_x / centre, -r_y / centre
-        d = max(d - apf.contact_m, 0.0) + _LEAST_M
-        reach = apf.obstacle_range - apf.contact_m + _LEAST_M
-        push = apf.obstacle_push * (1.0 / d - 1.0 / reach) / (d * d)
+        d = max(d - apf.contact_m, 0.0)
+        q = 1.0 - d / (apf.obstacle_range - apf.contact_m)
+        wall = max(1.0 / (d + _LEAST_M) - 1.0 / (_WALL_M + _LEAST_M), 0.0)
+        push = apf.obstacle_push * q * q + apf.obstacle_wall * wall
         w_x, w_y = beta_velocity(velocity, (n_x, n_y), radius / centre)
-        follow = apf.obstacle_damping * (1.0 - d / reach)
+        follow = apf.obstacle_damping * q
         a_x += push * n_x + follow * w_x
         a_y += push * n_y + follow * w_y
     return a_x, a_y

@@ -65,6 +65,13 @@ def test_an_obstacle_repels_and_its_robot_slides_along() -> None:
     assert 0.0 > sliding[1] > obstacle_term(disc(2.0, 0.0), into, APF)[0] - at_rest[0], "half, along it"
 
 
+def test_two_obstacles_without_a_way_between_them_turn_a_drone_aside_like_one() -> None:
+    both = Discs(2, np.array([[2.3, 1.45], [2.3, -1.55]]), np.array([1.5, 1.5]), np.zeros(2, np.int8))
+    a_x, a_y = obstacle_term(both, (0.0, 0.0), APF)  # the drone is 5 cm off their middle, to the left
+    assert a_x < -APF.goal_pull * APF.goal_reach, "the goal pulls it no nearer"
+    assert a_y > 0.0
+
+
 def test_the_safety_controller_knows_neither_formation_nor_drones() -> None:
     off = aim(chain=(9.0, 9.0), slot=(1.0, 0.5))
     (o_x, o_y), (g_x, g_y) = obstacle_term(disc(2.0, 0.5), TARGET, APF), goal_term(off, APF)
