@@ -82,9 +82,9 @@ class Drone:
         """Open what the policy needs, which takes a moment; else the first tick does it."""
         self._core.open()
 
-    def answer_quickly(self, world: RelayedWorld) -> Callable[[bytes], tuple[int, bytes] | None]:
+    def answer_quickly(self, world: RelayedWorld) -> Callable[[bytes], bytes | None]:
         """What answers Ticks of a relayed world in one compiled call, wherever nothing rare happens (agent.quick)."""
-        self._quick = QuickTicks(self._core, self._hearing, world)
+        self._quick = QuickTicks(self._core, self._hearing, world, self.status)
         return self._quick.answer
 
     def fly(self, clock: Clock) -> None:

@@ -2,11 +2,11 @@
 
 Twenty-five drones on two cores find nothing of their own in the processor's caches when they wake, so what a tick costs is how
 much code and memory it touches. What is rare is left to agent.process: a swap, a frame that is not believed or says more of
-slots, an account or a plan that is due, an answer that came late. Whatever has been done by then may be done again.
+slots, an answer that came late. Whatever has been done by then may be done again.
 
 A compiled policy (agent.policy.base.Compiled) has a kernel of its own for it:
 
-    tick = begin_tick(size, quick)
+    tick = begin_tick(quick)
     if tick < 0:
         return RARE
     ...                               what the policy wants, into quick.command
@@ -27,7 +27,6 @@ from protocols.wire.frames import KNOWN_BYTES
 from protocols.wire.messages import MAX_HEARD, REPLY_HEAD, REPLY_MARK, TICK_HEAD, TICK_MARK
 from protocols.wire.rows import get_number, put_bytes, put_number
 from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES
-from protocols.wire.status import STATUS_EVERY
 
 RARE = -1
 _TICK_AT, _PROOF_AT, _FOLLOWED_AT, _HEARD_AT = (
@@ -41,12 +40,13 @@ _TICK_HEAD, _REPLY_HEAD, _NEAR, _DISC = TICK_HEAD.size, REPLY_HEAD.size, NEIGHBO
 
 
 class Quick(NamedTuple):
-    """Everything a drone's tick works on. ``ears.data`` holds the Tick.
+    """Everything a drone's tick works on. ``ears.data`` holds the Tick, of ``size`` (1,) bytes.
 
     *_bytes: what is sensed, and the command, as they travel. last: (1,) the last tick that was flown. answer: the Reply, out.
     """
 
     process: int
+    size: NDArray[np.int64]
     arrays: TickArrays
     ears: Ears
     position_bytes: NDArray[np.uint8]
@@ -67,13 +67,13 @@ def tick_of(quick: Quick) -> int:
 
 
 @inlined_kernel
-def begin_tick(size: int, quick: Quick) -> int:
-    """Read the Tick in ``size`` bytes, sense, hear and perceive.
+def begin_tick(quick: Quick) -> int:
+    """Read the Tick, sense, hear and perceive.
 
     Returns:
         The tick; `RARE` where it is to be done in the ordinary way.
     """
-    said, sensed = quick.ears.data, quick.arrays.sensed
+    said, sensed, size = quick.ears.data, quick.arrays.sensed, quick.size[0]
     if size < _TICK_HEAD or said[0] != TICK_MARK:
         return RARE
     obstacles, near = get_number(said, 1, 1), get_number(said, 2, 2)
@@ -82,7 +82,7 @@ def begin_tick(size: int, quick: Quick) -> int:
     obstacles_at = near_at + near * _NEAR
     at = obstacles_at + obstacles * _DISC
     late = get_number(said, _FOLLOWED_AT, 4) != tick - 1
-    if late or tick <= quick.last[0] or tick % STATUS_EVERY == 0:
+    if late or tick <= quick.last[0]:
         return RARE
     if near > MAX_NEAR or obstacles > MAX_OBSTACLES or at > size or heard > MAX_HEARD:
         return RARE

@@ -14,7 +14,7 @@ import os
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -84,7 +84,7 @@ class Kernel:
             function.__module__,
         )
         self.__qualname__, self.__wrapped__ = function.__qualname__, function
-        self._forms: dict[tuple[Any, ...], Callable[[tuple[Any, ...]], Any]] = {}
+        self._forms: dict[tuple[Any, ...], _Form] = {}
 
     @property
     def is_ours(self) -> bool:
@@ -106,13 +106,22 @@ class Kernel:
     def __call__(self, *given: Any, **named: Any) -> Any:
         if named:
             given = inspect.signature(self.py_func).bind(*given, **named).args
+        return self._form_for(given).bound(given)()
+
+    def bound(self, given: tuple[Any, ...]) -> Callable[[], Any]:
+        """As the function `bound`."""
+        call = self._form_for(given).bound(given)
+        vars(call)["given"] = given  # live as long
+        return call
+
+    def _form_for(self, given: tuple[Any, ...]) -> "_Form":
         kind = tuple([_kind_of(value) for value in given])
         form = self._forms.get(kind)
         if form is None:
             form = self._forms[kind] = self._find(given)
-        return form(given)
+        return form
 
-    def _find(self, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
+    def _find(self, given: tuple[Any, ...]) -> "_Form":
         """Its form for such arguments: what is kept, or else compiled now."""
         name = ",".join(map(_name_of, given))
         code = self.kept.load(name) if self.is_ours else None
@@ -124,7 +133,13 @@ class Kernel:
                 self.kept.save(name, code)
             for tell in _watching:
                 tell(self)
-        return _form(code, given)
+        return _Form(code, given)
+
+
+def bound(rule: Callable[..., T], *given: Any) -> Callable[[], T]:
+    """A call of this kernel with these arguments, for one that is asked again and again: what they are like is looked at once.
+    Numbers stay what they are; arrays are read anew each time."""
+    return rule.bound(given) if isinstance(rule, Kernel) else partial(rule, *given)
 
 
 def is_kept(rule: Callable[..., Any]) -> bool:
@@ -134,23 +149,28 @@ def is_kept(rule: Callable[..., Any]) -> bool:
     return rule.kept.is_any()
 
 
-def _form(code: MachineCode, given: tuple[Any, ...]) -> Callable[[tuple[Any, ...]], Any]:
-    """What runs this code with arguments like ``given``."""
-    function, words, result = linked(code), "".join(map(_format_of, given)), code.result
-    if isinstance(result, str):
-        pack = struct.Struct(words).pack
-        return lambda given: function(pack(*_words(given)))
+class _Form:
+    """Runs this code with arguments like ``given``."""
 
-    kinds = [_FORMATS[kind] for kind in _flat(result)]
-    pack_all, read = struct.Struct(words + "Q").pack, struct.Struct("".join(kinds)).unpack
-    room = ctypes.c_char * (8 * len(kinds))
+    def __init__(self, code: MachineCode, given: tuple[Any, ...]) -> None:
+        self._function, self._result = linked(code), code.result
+        kinds = [] if isinstance(code.result, str) else [_FORMATS[kind] for kind in _flat(code.result)]
+        self._pack = struct.Struct("".join(map(_format_of, given)) + ("Q" if kinds else "")).pack
+        self._read = struct.Struct("".join(kinds)).unpack
+        self._room = ctypes.c_char * (8 * len(kinds))
 
-    def form(given: tuple[Any, ...]) -> Any:
-        found = room()
-        function(pack_all(*_words(given), ctypes.addressof(found)))
-        return _shaped(result, iter(read(found)))
+    def bound(self, given: tuple[Any, ...]) -> Callable[[], Any]:
+        """A call with these arguments, for as long as they live."""
+        if isinstance(self._result, str):
+            return partial(self._function, self._pack(*_words(given)))
+        found = self._room()
+        words = self._pack(*_words(given), ctypes.addressof(found))
 
-    return form
+        def call() -> Any:
+            self._function(words)
+            return _shaped(self._result, iter(self._read(found)))
+
+        return call
 
 
 def _flat(result: Result) -> Iterator[str]:

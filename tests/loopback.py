@@ -31,12 +31,9 @@ class Hosted:
 
     def answer(self, asked: Tick) -> bytes:
         """One tick; where it is asked again, the same answer."""
-        if asked.tick > self.world.tick:
-            if (answered := self.quick(asked.data)) is not None:
-                self.world.answered(*answered)
-            else:
-                self.world.take(asked)
-                self.drone.act(asked.tick)
+        if asked.tick > self.world.tick and self.quick(asked.data) is None:
+            self.world.take(asked)
+            self.drone.act(asked.tick)
         return self.world.reply()
 
     def farewell(self) -> Farewell:

@@ -106,9 +106,12 @@ class RelayedWorld:
         """The last ones; whoever answers Ticks in this world's stead writes them there."""
         return self._foresight.commands
 
-    def answered(self, tick: int, reply: bytes) -> None:
-        """This tick was answered in this world's stead, in time: so the last answer has come, whatever account it gave."""
-        self.tick, self._answer, self._status = tick, reply, None
+    def answered(self, tick: int, reply: bytes, status: AgentStatus | None) -> None:
+        """This tick was answered in this world's stead, in time: so the last answer has come, whatever account it gave.
+        ``status``: the one that this answer gives."""
+        self.tick, self._answer, self._status = tick, reply, status
+        if status is not None:
+            self._told = tick
 
     def reply(self) -> bytes:
         """What the drone has done since the tick began, packed; the same again until the next one."""
@@ -157,7 +160,7 @@ class WorldClock:
 
     Attributes:
         world: the drone's body and radio. ending: why the flight is over for this process, once it is. quick: answers a Tick at
-        once, with the Reply and its tick, or with None where the drone is to act.
+        once, with the Reply, or with None where the drone is to act.
     """
 
     def __init__(self, link: Link, leaving: Callable[[], bool], silence_s: float) -> None:
@@ -166,7 +169,7 @@ class WorldClock:
         self._process = secrets.randbelow(messages.MAX_PROCESS)
         self.world = RelayedWorld(self._process)
         self.ending: Ending | None = None
-        self.quick: Callable[[bytes], tuple[int, bytes] | None] = lambda message: None
+        self.quick: Callable[[bytes], bytes | None] = lambda message: None
         self._send_soon: Callable[[bytes], None] = link.send
         self._welcomed = False
         self._silent = 0  # looks that brought nothing
@@ -247,9 +250,8 @@ class WorldClock:
                     self._say_both_ways(Ready(self._process))
                 continue
             self._silent = 0
-            if (answered := self.quick(data)) is not None:
-                self.world.answered(*answered)
-                self._send_soon(answered[1])
+            if (reply := self.quick(data)) is not None:
+                self._send_soon(reply)
                 continue
             try:
                 message = messages.unpack_from_world(data)

@@ -1,5 +1,7 @@
 """Policy ``analytic``: the hand-made decentralized controller (attraction, obstacles, neighbours)."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from agent.policy.analytic_kernel import analytic
 from agent.policy.base import Compiled
 from agent.quick import RARE, Quick, begin_tick, end_tick
 from agent.tick_arrays import TickArrays
-from protocols.kernels import inlined_kernel, kernel
+from protocols.kernels import bound, inlined_kernel, kernel
 from protocols.mission.document import Mission
 
 
@@ -32,8 +34,8 @@ def _act(arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
 
 
 @kernel
-def _fly(size: int, quick: Quick) -> int:
-    tick = begin_tick(size, quick)
+def _fly(quick: Quick) -> int:
+    tick = begin_tick(quick)
     if tick < 0:
         return RARE
     _steer(quick.arrays, quick.command)
@@ -51,5 +53,5 @@ class Analytic(Compiled):
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
         _act(arrays, wanted)
 
-    def fly(self, size: int, quick: Quick) -> int:
-        return _fly(size, quick)
+    def quickly(self, quick: Quick) -> Callable[[], int]:
+        return bound(_fly, quick)

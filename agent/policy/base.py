@@ -1,13 +1,13 @@
 """The policy interface: a policy is a class whose constructor takes the mission and which has one method, ``act``."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory
-from agent.quick import RARE, Quick
+from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.errors import ExitCode, SwarmError
 
@@ -105,9 +105,10 @@ class Compiled:
         """Write the accelerations (A, 2) m/s^2 of the awake rows into ``wanted``, the same array every time."""
         raise NotImplementedError
 
-    def fly(self, size: int, quick: Quick) -> int:
-        """A drone's whole tick in one kernel, if the policy has one (agent.quick): the Reply's size, or `RARE`."""
-        return RARE
+    def quickly(self, quick: Quick) -> Callable[[], int] | None:
+        """What flies a drone's whole tick (agent.quick) and returns the Reply's size, or `RARE`; None if the policy has nothing
+        like it. Not asked for before the first tick."""
+        return None
 
     def act(self, seen: Seen) -> NDArray[np.float64]:
         """Wanted acceleration of every row, (A, 2) m/s^2."""

@@ -3,6 +3,7 @@
 The files rsc-h1 ... rsc-h40 and stgnn come with the project; any other is given by its path.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ from agent.control.follow import following_of
 from agent.policy import session
 from agent.policy.base import Compiled, PolicyError
 from agent.policy.learned_kernel import (
+    DUE,
     Planner,
     ask_or_fly,
     empty_history,
     empty_plans,
     empty_question,
+    fly_planned,
     fly_plans,
     fly_quickly,
     take_plans,
@@ -26,7 +29,7 @@ from agent.policy.model_file import ModelFileError, note_of, read_model
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.dynamics import TICK_S
-from protocols.kernels import by_reference
+from protocols.kernels import bound, by_reference
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
 
@@ -100,12 +103,27 @@ class Learned(Compiled):
                 self._plan(tick, arrays, first, min(first + _ROWS, due))
             fly_plans(tick, arrays, self._planner)
 
-    def fly(self, size: int, quick: Quick) -> int:
-        return fly_quickly(size, quick, self._planner)
+    def quickly(self, quick: Quick) -> Callable[[], int]:
+        displacement, acceleration = (np.zeros_like(self._plans.displacement) for _ in _OUTPUTS)
+        outputs = dict(zip(_OUTPUTS, (displacement, acceleration), strict=True))
+        begin = bound(fly_quickly, quick, self._planner)
+        plan = session.bound(self._session, self._asked(0, 1), outputs)
+        end = bound(fly_planned, quick, self._planner, displacement, acceleration)
+
+        def fly() -> int:
+            size = begin()
+            if size == DUE:
+                plan()
+                size = end()
+            return size
+
+        return fly
+
+    def _asked(self, first: int, end: int) -> dict[str, NDArray[np.float32]]:
+        return {name: getattr(self._question, name)[first:end] for name in self._inputs}
 
     def _plan(self, tick: int, arrays: TickArrays, first: int, end: int) -> None:
-        inputs = {name: getattr(self._question, name)[first:end] for name in self._inputs}
-        displacement, acceleration = self._session.run(_OUTPUTS, inputs)
+        displacement, acceleration = self._session.run(_OUTPUTS, self._asked(first, end))
         take_plans(tick, first, arrays, self._planner, displacement, acceleration)
 
     def plans(self, tick: int) -> NDArray[np.float32]:

@@ -14,6 +14,9 @@ from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
+from protocols.wire.sensed import Sensed
+
+DUE = -2  # for a plan
 
 
 class History(NamedTuple):
@@ -179,10 +182,9 @@ def _counts(tick: int, row: int, work: Work, planner: Planner) -> bool:
     return bool((tick + work.me[row]) % planner.replan > planner.replan - planner.history.own.shape[1])
 
 
-@kernel
-def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
-    """Note what every awake row sees and hears, and write the model's inputs for those that are due for a plan; if none is,
-    fly the plans there are (in most ticks, so that these take one call).
+@inlined_kernel
+def _ask(tick: int, arrays: TickArrays, planner: Planner) -> int:
+    """Note what every awake row sees and hears, and write the model's inputs for those that are due for a plan.
 
     Drones take turns: with ``replan`` ticks between plans, drone i plans when tick + i is a multiple of it, and besides when
     it has no plan or has flown it to its end.
@@ -201,22 +203,28 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
         if is_due:
             _ask_row(row, due, rules, work, memory, seen, asked)
             due += 1
+    return due
+
+
+@kernel
+def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
+    """As `_ask`; if no row is due, fly the plans there are (in most ticks, so that these take one call)."""
+    due = _ask(tick, arrays, planner)
     if due == 0:
         _fly(tick, arrays, planner)
     return due
 
 
-@kernel
-def take_plans(
+@inlined_kernel
+def _take(
     tick: int,
     first: int,
-    arrays: TickArrays,
+    sensed: Sensed,
     planner: Planner,
     displacement: NDArray[np.float32],
     acceleration: NDArray[np.float32],
 ) -> None:
-    """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    sensed, plans, asked = arrays.sensed, planner.plans, planner.question.row
+    plans, asked = planner.plans, planner.question.row
     for place in range(displacement.shape[0]):
         row = asked[first + place]
         plans.made_at[row] = tick
@@ -230,21 +238,42 @@ def take_plans(
 
 
 @kernel
+def take_plans(
+    tick: int,
+    first: int,
+    arrays: TickArrays,
+    planner: Planner,
+    displacement: NDArray[np.float32],
+    acceleration: NDArray[np.float32],
+) -> None:
+    """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
+    _take(tick, first, arrays.sensed, planner, displacement, acceleration)
+
+
+@kernel
 def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
     """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
     _fly(tick, arrays, planner)
 
 
 @kernel
-def fly_quickly(size: int, quick: Quick, planner: Planner) -> int:
-    """A drone's whole tick (agent.quick); `RARE` also where a plan is due."""
-    arrays = quick.arrays
-    if _is_due(tick_of(quick), 0, arrays.work, planner):
-        return RARE
-    tick = begin_tick(size, quick)
+def fly_quickly(quick: Quick, planner: Planner) -> int:
+    """A drone's whole tick (agent.quick); `DUE` where the model is to be asked, and `fly_planned` comes after that."""
+    tick = begin_tick(quick)
     if tick < 0:
         return RARE
-    if _counts(tick, 0, arrays.work, planner):
-        _note_row(tick, 0, arrays.rules, arrays.work, arrays.memory, planner.history)
-    _fly(tick, arrays, planner)
+    if _ask(tick, quick.arrays, planner) > 0:
+        return DUE
+    _fly(tick, quick.arrays, planner)
+    return end_tick(tick, quick)
+
+
+@kernel
+def fly_planned(
+    quick: Quick, planner: Planner, displacement: NDArray[np.float32], acceleration: NDArray[np.float32]
+) -> int:
+    """The rest of a drone's tick, with the plan that the model has made in it: as `take_plans`."""
+    tick = tick_of(quick)
+    _take(tick, 0, quick.arrays.sensed, planner, displacement, acceleration)
+    _fly(tick, quick.arrays, planner)
     return end_tick(tick, quick)

@@ -5,13 +5,17 @@ be forked.
 """
 
 import os
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 # It must be said before the import, which would start a thread, keep a database and send usage reports.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
+import numpy as np
 import onnxruntime
+from numpy.typing import NDArray
 
+Arrays = Mapping[str, NDArray[np.float32]]
 _NOWHERE = "/nonexistent"  # where a model finds weights that lie in other files: what flies is what was read and hashed
 
 
@@ -37,3 +41,18 @@ def open_session(data: bytes) -> onnxruntime.InferenceSession:
         )
     except Exception as error:  # its errors have no base of their own
         raise RuntimeError((str(error).splitlines() or [type(error).__name__])[0]) from None
+
+
+def bound(session: onnxruntime.InferenceSession, inputs: Arrays, outputs: Arrays) -> Callable[[], None]:
+    """What reads these inputs and fills these outputs whenever it is called, without looking at them anew; by their names."""
+    binding = session.io_binding()
+    for name, array in inputs.items():
+        binding.bind_input(name, "cpu", 0, array.dtype.type, array.shape, array.ctypes.data)
+    for name, array in outputs.items():
+        binding.bind_output(name, "cpu", 0, array.dtype.type, array.shape, array.ctypes.data)
+
+    def call() -> None:
+        session.run_with_iobinding(binding)
+
+    vars(call)["bound"] = inputs, outputs  # live as long
+    return call

@@ -48,6 +48,7 @@ TICK_MARK, REPLY_MARK = ord("T"), ord("R")
 TICK_HEAD = struct.Struct("<BBHIIiI")
 #: Mark, process, tick, proof, slot, bytes of the frame, bytes of the account, ax, ay; then the frame, then the account.
 REPLY_HEAD = struct.Struct("<BxxxIIIHHHxxdd")
+_ACCOUNT_SIZE_AT = 20
 
 
 class MessageError(ValueError):
@@ -178,6 +179,13 @@ def _pack_reply(reply: Reply) -> bytes:
         + frame
         + account
     )
+
+
+def with_account(reply: bytes, status: AgentStatus) -> bytes:
+    """This packed Reply, which holds no account, with one."""
+    account: bytes = msgpack.packb(status)
+    size = len(account).to_bytes(2, "little")
+    return reply[:_ACCOUNT_SIZE_AT] + size + reply[_ACCOUNT_SIZE_AT + 2 :] + account
 
 
 def _unpack_reply(data: bytes, agents: int) -> Reply:
