@@ -7,6 +7,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+# Of the many processes of a flight, and of a test run, each would compile all sources anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test rules lint bench wheel fuzz clean
 
 demo: .venv/ready

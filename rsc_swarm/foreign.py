@@ -1,8 +1,11 @@
-"""Foreign modules that hide the project's other packages: a folder with an ``agent.py``, say, on the search path.
+"""Foreign modules that hide the project's other packages, or a library: a folder with an ``agent.py`` or ``yaml.py``, say, on
+the search path.
 
 Their names are plain words, so it happens; and what Python says about it names neither file.
 """
 
+import sys
+import sysconfig
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -24,4 +27,22 @@ def foreign_module() -> str | None:
                 f"import {name} finds {found} instead of {_HOME / name}: rename it, "
                 "or start from another folder, without it on PYTHONPATH"
             )
+    return None
+
+
+def foreign_library() -> str | None:
+    """One line about the first loaded module that hides a library's or Python's own; None if there is none.
+
+    This takes a moment: it is for when something has gone wrong.
+    """
+    from importlib.metadata import packages_distributions
+
+    homes = {
+        Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")
+    }
+    ours = {"rsc_swarm", *_PACKAGES}
+    for name in sorted({*packages_distributions(), *sys.stdlib_module_names} - ours):
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if file and not homes.intersection(Path(file).resolve().parents):
+            return f"import {name} finds {file} instead of the library {name}: rename it, or take its folder off PYTHONPATH"
     return None

@@ -1,6 +1,7 @@
 """Asking a policy, and naming it where it goes wrong: which policy, what it raised, and at which line of its file."""
 
 import inspect
+import os
 import re
 import signal
 import traceback
@@ -51,11 +52,12 @@ def absurd(policy: Policy, name: str, agent: int, wanted: NDArray[np.float64]) -
 
 
 def call(method: Callable[..., T], name: str, *arguments: object) -> T:
-    """Call a ``method`` of the policy called ``name``.
+    """Call a ``method`` of the policy called ``name``. A process that it forks and that comes back here as well ends here.
 
     Raises:
         PolicyError: it raised, be it what is meant to end a process. KeyboardInterrupt: Ctrl-C, where nobody else waits for it.
     """
+    caller = os.getpid()
     try:
         return method(*arguments)
     except BaseException as error:
@@ -65,6 +67,9 @@ def call(method: Callable[..., T], name: str, *arguments: object) -> T:
         ):
             raise
         raise raised(name, error, method) from error
+    finally:
+        if os.getpid() != caller:
+            os._exit(0)
 
 
 def raised(name: str, error: BaseException, asked: object = None) -> PolicyError:

@@ -192,6 +192,34 @@ def _faults(mission: MissionFields) -> None:
             raise ValueError(
                 f"{place}: {wrong} at {fault.at_s:g} s; leave this {fault.kind} out, or change the time"
             )
+        if state.dead == mission.agents:
+            raise ValueError(f"{place}: with it all are dead at {fault.at_s:g} s; leave at least one alive")
+        for earlier, other in enumerate(mission.faults[:index]):
+            if _undoes(fault, other):
+                raise ValueError(
+                    f"{place}: this {fault.kind} undoes faults.{earlier} in the same tick, {fault.at_s:g} s; "
+                    "leave one of them out, or change a time"
+                )
+
+
+_UNDONE_BY = {
+    "thaw": "freeze",
+    "restart": "kill",
+    "recover": "slow",
+    "heal": "part",
+    "part": "part",
+    "loss": "loss",
+}
+
+
+def _undoes(fault: Fault, other: Fault) -> bool:
+    """Whether nothing is left of another fault that strikes in the same tick."""
+    met = (
+        {*fault.agents} & {*other.agents}
+        or {*fault.slots} & {*other.slots}
+        or not (fault.agents or fault.slots)
+    )
+    return fault.at_tick == other.at_tick and _UNDONE_BY.get(fault.kind) == other.kind and bool(met)
 
 
 class _SwarmState:
@@ -201,6 +229,11 @@ class _SwarmState:
         self._struck: dict[str, set[tuple[str, int]]] = {"kill": set(), "freeze": set(), "slow": set()}
         self._parted = False
         self._kinds: set[str] = set()  # how drones were named so far
+
+    @property
+    def dead(self) -> int:
+        """How many are dead, at least."""
+        return max(sum(kind == who for kind, _ in self._struck["kill"]) for who in ("drone", "slot"))
 
     def apply(self, fault: Fault, struck: list[tuple[str, int]], unsure: bool) -> str | None:
         """Take in one fault; why it would have no effect, or None. ``unsure``: a slot and an agent may be one drone."""

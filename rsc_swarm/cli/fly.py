@@ -6,7 +6,6 @@ from contextlib import ExitStack, contextmanager, redirect_stdout
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from agent.policy import files_of, find_policy
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
@@ -14,6 +13,7 @@ from rsc_swarm.cli.app import Clock, FlightOptions
 from rsc_swarm.cli.mcap_output import McapOutput
 from rsc_swarm.cli.output import JsonOutput
 from rsc_swarm.errors import line_of
+from rsc_swarm.flight.policy_facts import policy_facts
 from rsc_swarm.flight.provenance import provenance
 from rsc_swarm.flight.report import FlightReport, agents_text, report_of
 from rsc_swarm.flight.run_dir import RunDir
@@ -82,7 +82,7 @@ def fly_once(
     mission = resolve(options)
     output, mcap = JsonOutput(asked.json), McapOutput(asked.mcap)
     with redirect_stdout(output.beside):  # whatever a policy prints
-        policy_files = files_of(find_policy(mission.policy, mission))
+        policy_files = policy_facts(mission).files
     flown_with = provenance(policy_files)
     folder = RunDir(asked.run_dir) if asked.run_dir else None
     if folder:

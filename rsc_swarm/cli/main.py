@@ -59,6 +59,10 @@ def _explain(error: Exception) -> tuple[ExitCode, str]:
 
     if lack := lacking(error):
         return ExitCode.BROKEN, lack
+    from rsc_swarm.foreign import foreign_library
+
+    if hidden := foreign_library():
+        return ExitCode.BAD_USAGE, hidden
     kind = type(error).__name__
     return ExitCode.BROKEN, f"unexpected {kind}: {text[:160]} (set RSC_SWARM_TRACEBACK=1 to see where)"
 

@@ -29,15 +29,15 @@ def mission(
         for name in shipped_missions():
             print(f"{name:<16} {about(name)}")
         return
-    from agent.policy import find_policy
     from protocols.dynamics import TICK_S
     from protocols.mission.document import mission_yaml
     from protocols.mission.formation import default_shape
     from protocols.mission.policy_name import from_folder
+    from rsc_swarm.flight.policy_facts import policy_facts
     from world.field import draw_obstacles, draw_start
 
     made = resolve(options)
-    find_policy(made.policy, made)
+    policy_facts(made)  # raises what is wrong with its policy
     draw_start(made, draw_obstacles(made))
     asked = made.formation.shape
     shape = default_shape(made.agents) if asked == "auto" else asked

@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from agent.policy import files_of, find_policy
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.wire.frames import REASONS
 from protocols.wire.status import SWAP_COUNTS
+from rsc_swarm.flight.policy_facts import policy_facts
 from rsc_swarm.flight.provenance import Provenance, provenance
 from world.outcome import Flown, Outcome
 
@@ -225,7 +225,7 @@ def report_of(
             "first_tick_s": first_tick_s,
             "pss_mb_per_agent": pss_mb_per_agent,
             "watch": asdict(flown.watched),
-            "flown_with": flown_with or provenance(files_of(find_policy(mission.policy, mission))),
+            "flown_with": flown_with or provenance(policy_facts(mission).files),
             "again": again,
             "mission": mission.model_dump(mode="json"),
         }

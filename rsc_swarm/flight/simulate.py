@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.core import AgentCore, Inputs
-from agent.policy import find_policy
 from agent.radio.air import Air
 from protocols.mission.document import Mission
 from protocols.wire.frames import REASONS
 from protocols.wire.status import AgentStatus, is_due
+from rsc_swarm.flight.policy_facts import policy_facts
 from world.core import Answers, Inbox, WorldCore
 from world.director import Director
 from world.faults import Event
@@ -125,8 +125,7 @@ def flights_at_once(mission: Mission) -> int:
     Raises:
         agent.policy.PolicyError: the mission's policy cannot be found or made.
     """
-    together = getattr(find_policy(mission.policy, mission), "many_flights", False)
-    return max(1, ROWS // mission.agents) if together else 1
+    return max(1, ROWS // mission.agents) if policy_facts(mission).many_flights else 1
 
 
 def simulate(missions: Sequence[Mission]) -> list[Outcome]:

@@ -3,15 +3,14 @@
 A policy of one's own is tried apart first (rsc_swarm.flight.apart): one that does not return from its first tick can be ended.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 
 from agent.process import rehearse
 from protocols.mission.document import Mission
 from rsc_swarm.flight.apart import Apart, is_own
 from rsc_swarm.flight.drones_apart import flown_by
-from rsc_swarm.machine.leaving import Leave, leave_when_asked
+from rsc_swarm.flight.policy_facts import may_leave
 
 
 def warm_up(mission: Mission) -> None:
@@ -21,7 +20,7 @@ def warm_up(mission: Mission) -> None:
         world.field.FieldError, PolicyError: it cannot be flown. KeyboardInterrupt: asked to leave meanwhile.
     """
     with (
-        _may_leave() as leave,
+        may_leave() as leave,
         flown_by(mission.model_copy(update={"faults": ()}), leave, True) as (director, _),
     ):
         director.tick()
@@ -44,14 +43,5 @@ def try_policy(policy: str, work: Callable[[], object]) -> None:
         PolicyError: as `Apart`; and whatever ``work`` raises. KeyboardInterrupt: asked to leave meanwhile.
     """
     if is_own(policy):
-        with _may_leave() as leave, Apart(work, policy, leave):
+        with may_leave() as leave, Apart(work, policy, leave):
             pass
-
-
-@contextmanager
-def _may_leave() -> Iterator[Leave]:
-    """As leave_when_asked, where there is nothing to tell or keep yet."""
-    with leave_when_asked() as leave:
-        yield leave
-    if leave.asked:
-        raise KeyboardInterrupt

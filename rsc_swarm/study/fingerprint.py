@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.policy import files_of, find_policy
 from protocols.mission.document import Mission
 from rsc_swarm.batch.expert import EXPERTS
 from rsc_swarm.batch.expert import FILES as EXPERT_FILES
+from rsc_swarm.flight.policy_facts import policy_facts
 
 _ROOT = Path(__file__).resolve().parents[2]
 _RULES = ("protocols", "agent", "world", "rsc_swarm/flight/simulate.py")
@@ -30,7 +30,7 @@ def fingerprint(mission: Mission) -> str:
     digest = hashlib.blake2b(json.dumps(fields, sort_keys=True).encode(), digest_size=8)
     digest.update(code_fingerprint().encode())
     expert = mission.policy in EXPERTS
-    for path in EXPERT_FILES if expert else files_of(find_policy(mission.policy, mission)):
+    for path in EXPERT_FILES if expert else policy_facts(mission).files:
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
