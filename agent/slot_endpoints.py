@@ -132,11 +132,17 @@ class SlotEndpoints:
 
     def step(self, tick: int, work: Work, air: Air) -> tuple[int, ...]:
         """For rows with news: hear the notes, watch the time-outs, act on the triggers; the rows whose view changed."""
-        senders, changed = air.frames.sender, []
-        for row in np.flatnonzero(work.news).tolist():
-            party, partner, vacated = self.endpoint[row], int(work.partner[row]), int(work.vacated[row])
-            for index in work.inbox[work.inbox_start[row] : work.inbox_start[row + 1]].tolist():
-                party.hear(air.note(index), int(senders[index]), tick)
+        rows, changed = np.flatnonzero(work.news), []
+        if not len(rows):
+            return ()
+        starts, ends = work.inbox_start[rows].tolist(), work.inbox_start[rows + 1].tolist()
+        news = zip(
+            rows.tolist(), work.partner[rows].tolist(), work.vacated[rows].tolist(), starts, ends, strict=True
+        )
+        for row, partner, vacated, start, end in news:
+            party, heard = self.endpoint[row], work.inbox[start:end]
+            for index, sender in zip(heard.tolist(), air.frames.sender[heard].tolist(), strict=True):
+                party.hear(air.note(index), sender, tick)
             party.advance(tick)
             if vacated != NOBODY and party.may_vacate(vacated):
                 party.vacate(vacated, tick)

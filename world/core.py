@@ -24,6 +24,7 @@ from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
 from protocols.wire.status import AgentStatus
 from world import faults, field, referee, tick
 from world import plant as physics
+from world.digest import Digests
 from world.medium import information_bound as information_bound
 from world.medium import medium
 from world.outcome import Judgement, Outcome, StruckOff
@@ -145,9 +146,8 @@ class WorldCore:
             )
         )  # fmt: skip
         self._judgements = [Judgement(mission, both) for mission in missions]
-        # What a digest is of, world by world: NumPy's own indexing cost more than the hash.
-        digested = (self.position, self.velocity, self.flying, self.claim, self.tally)
-        self._digested = [tuple(array[world] for array in digested) for world in range(worlds)]
+        self._digests = Digests((self.position, self.velocity, self.flying, self.claim, self.tally))
+        self._position_in = list(self.position)  # NumPy's own indexing costs more than the rules
         self._eventful = {fault.at_tick for mission in missions for fault in mission.faults}
         self.decided = np.zeros(worlds, np.bool_)
         self.counted, self._left = self.tally.copy(), self.flying.copy()  # when that was
@@ -242,11 +242,11 @@ class WorldCore:
             self._findings.verdict.tolist(),
             self.tick.tolist(),
         )  # NumPy's own cost more than the rules
+        self._digests.take()
         for world in np.flatnonzero(self.active).tolist():
-            judgement, state = self._judgements[world], self._digested[world]
-            judgement.digest(state)
+            judgement = self._judgements[world]
             verdict = referee.Verdict._make(verdicts[world])
-            judgement.settle(ticks[world], verdict, state[0], agreed[world])
+            judgement.settle(ticks[world], verdict, self._position_in[world], agreed[world])
             if judgement.decision is not None and not self.decided[world]:
                 self._decide(world, judgement.decision)
             if judgement.over:
@@ -257,6 +257,7 @@ class WorldCore:
     def _decide(self, world: int, decision: str) -> None:
         """What is so now is how the flight ended, whatever comes after."""
         self.decided[world] = True
+        self._digests.close(world)
         self.counted[world], self._left[world] = self.tally[world], self.flying[world]
         self.outcomes[world] = self._settled(world, decision)
 
@@ -273,4 +274,5 @@ class WorldCore:
 
     def _settled(self, world: int, failure: str) -> Outcome:
         flying = self._left if self.decided[world] else self.flying
-        return self._judgements[world].outcome(int(self.tick[world]), failure, flying[world])
+        tick, digest = int(self.tick[world]), self._digests.of(world)
+        return self._judgements[world].outcome(tick, failure, flying[world], digest)

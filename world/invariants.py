@@ -73,6 +73,7 @@ class Invariants:
         self._bound = agents * (1 + math.ceil(1 / cooldown_s))
         self._own_bound = agents + math.ceil(1 / cooldown_s)  # one drone: it may close the ranks often
         self._changed = False
+        self._calm = False  # whether nothing but an account, a fault or a death can change what `tick` sees
         self._living = agents
         self._differ = False
         self._differ_ticks = 0
@@ -190,11 +191,14 @@ class Invariants:
 
     def fault(self, tick: int) -> None:
         """Something was done to the swarm at this tick."""
-        self._last_fault = tick
+        self._last_fault, self._calm = tick, False
         self._agreed_at = self._allowed_at = None
 
     def tick(self, tick: int, living: list[int], could_know: NDArray[np.int32] | None = None) -> None:
         """Once per tick, after all accounts: ``living`` are the drones that fly and answer, ``could_know`` as WorldCore's."""
+        if self._calm and not self._changed and len(living) == self._living:
+            return
+        self._calm = False
         if could_know is not None:
             self._news = [news for news in self._news if not _equal(could_know[living, news[0]], news[1])]
             if self._allowed_at is None and not self._news:
@@ -208,6 +212,8 @@ class Invariants:
         elif self._agreed_at is None:
             self._agreed_at = tick
         if not self._changed and not self._recent:
+            known = could_know is None or not self._news
+            self._calm = known and not self._differ
             return
         self._changed = False
         total = sum(_made(status) for status in self._status.values())

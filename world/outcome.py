@@ -1,4 +1,4 @@
-"""What came of a flight: the referee's verdicts of all ticks, summed up, and a digest of every tick's state.
+"""What came of a flight: the referee's verdicts of all ticks, summed up.
 
 There are two successes; a mission's field ``success`` says which one decides, and the other is always judged, too:
 
@@ -10,9 +10,8 @@ A flight is decided by one of them. If the other is then still open, all fly on 
 STRICT_HOLD_S more. Nothing that is told of the flight but the other success comes from there, neither its length nor its digest.
 """
 
-import hashlib
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,21 +131,14 @@ class Judgement:
         )
         self._by_strict = mission.success == "strict"
         self._closest = np.inf
-        self._closest_text = "nobody came near anybody"
+        self._at_closest: tuple[int, Verdict, NDArray[np.float64]] | None = None  # tick, and what was so then
         self._overlap_ticks = 0
         self._formed_tick = self._tau_tick = self._decided_tick = -1
         self._verdict = self._at_tau = Verdict()
         self._held = True
         self._strict = _Strict(mission.ticks)
-        self._hash = hashlib.blake2b(digest_size=16)
         self.decision: str | None = None
         self.over = False
-
-    def digest(self, state: tuple[NDArray[Any], ...]) -> None:
-        """Take what is so after this tick into the digest."""
-        if self.decision is None:
-            for array in state:
-                self._hash.update(array.data)
 
     def settle(self, tick: int, verdict: Verdict, position: NDArray[np.float64], agreed: bool = True) -> None:
         """Judge on by the referee's ``verdict`` on this tick.
@@ -158,8 +150,9 @@ class Judgement:
         if self.decision is None:
             self._sum_up(tick, verdict, position)
             self.decision, self._decided_tick = self._decide(tick, verdict), tick
-        settled = not self._both or verdict.collided or self._strict.known(tick)
-        self.over = self.decision is not None and settled
+        self.over = self.decision is not None and (
+            not self._both or verdict.collided or self._strict.known(tick)
+        )
 
     def _sum_up(self, tick: int, verdict: Verdict, position: NDArray[np.float64]) -> None:
         self._verdict = verdict
@@ -167,7 +160,7 @@ class Judgement:
         closest = min(verdict.closest_agents_m, verdict.closest_obstacle_m)
         if closest < self._closest:
             self._closest = closest
-            self._closest_text = _describe_closest(tick, verdict, position)
+            self._at_closest = tick, verdict, position.copy()
         if self._formed_tick < 0 and verdict.standing:
             self._formed_tick = tick
         if self._tau_tick >= 0:
@@ -185,8 +178,9 @@ class Judgement:
             return "late" if late else None
         return "" if self._tau_tick <= tick - self._hold_ticks else None
 
-    def outcome(self, tick: int, failure: str, flying: NDArray[np.bool_]) -> Outcome:
-        """How the flight ended, at ``tick`` and by ``failure`` unless it was decided before; ``flying``: (N,)."""
+    def outcome(self, tick: int, failure: str, flying: NDArray[np.bool_], digest: str = "") -> Outcome:
+        """How the flight ended, at ``tick`` and by ``failure`` unless it was decided before; ``flying``: (N,). ``digest``: of
+        its states, as world.digest has it."""
         if self.decision is not None:
             tick, failure = self._decided_tick, self.decision
         tau, formed, strict = self._tau_tick, self._formed_tick, self._strict
@@ -200,11 +194,11 @@ class Judgement:
             max_edge_error=verdict.edge_error,
             max_slot_error_m=verdict.slot_error_m,
             min_distance_m=float(self._closest),
-            closest=self._closest_text,
+            closest=_describe_closest(*self._at_closest) if self._at_closest else "nobody came near anybody",
             held_after_success=self._held if not failure and self._hold_s > 0 else None,
             overlap_s=self._overlap_ticks * TICK_S,
             lost_agents=tuple(int(agent) for agent in np.flatnonzero(~flying)),
-            digest=self._hash.hexdigest(),
+            digest=digest,
             paper_tau_s=_seconds(strict.formed_tick),
             strict_tau_s=_seconds(strict.tau_tick),
             stood_on=strict.stood if self._both and strict.formed_tick >= 0 else None,
@@ -228,6 +222,9 @@ class _Strict:
 
     def follow(self, tick: int, verdict: Verdict, agreed: bool) -> None:
         formed = verdict.formed and not verdict.collided
+        if not formed and self.formed_tick < 0:
+            self._since = -1
+            return
         if formed and self.formed_tick < 0:
             self.formed_tick, self.agreed = tick, agreed
         if self.formed_tick >= 0 and tick <= self.formed_tick + _STRICT_HOLD_TICKS:

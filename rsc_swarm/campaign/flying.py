@@ -12,12 +12,14 @@ from hypothesis import seed as seeded
 from protocols.mission.document import Mission
 from rsc_swarm.campaign.budget import Budget
 from rsc_swarm.campaign.judging import Broken, Excused, judge
+from rsc_swarm.campaign.steady import STEADY
 from rsc_swarm.campaign.strategies import missions
 from rsc_swarm.flight.simulate import flights_at_once
 from rsc_swarm.study.workers import TASK, Flight, fly_together
 
 QUIET = settings(
-    database=None, deadline=None, suppress_health_check=list(HealthCheck), verbosity=Verbosity.quiet, print_blob=False
+    backend=STEADY, database=None, deadline=None, suppress_health_check=list(HealthCheck), verbosity=Verbosity.quiet,
+    print_blob=False,
 )  # fmt: skip
 
 
@@ -114,9 +116,11 @@ def fly_all(missions: Sequence[Mission], both: bool = False) -> list[Flight]:
     for place, mission in enumerate(missions):
         by_radio.setdefault(mission.radio.model_dump_json(), []).append(place)
     for places in by_radio.values():
-        most = flights_at_once(missions[places[0]])
-        for first in range(0, len(places), most):
-            together = places[first : first + most]
+        bunches = -(-len(places) // flights_at_once(missions[places[0]]))
+        for first in range(bunches):
+            together = places[
+                first::bunches
+            ]  # bunches of a size: a small one takes nearly as long as a large one
             for said in fly_together([missions[place] for place in together], both):
                 if not isinstance(said, int):
                     flights[together[said[0]]] = said[1]

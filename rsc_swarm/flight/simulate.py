@@ -21,7 +21,7 @@ from world.faults import Event
 from world.invariants import Invariants
 from world.outcome import Outcome
 
-ROWS = 150  # drones in step: more would be no faster, and flights would end in larger bunches
+ROWS = 600  # drones in step: more would hardly be faster, and flights would end in larger bunches
 
 
 class Simulation:

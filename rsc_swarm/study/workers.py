@@ -178,7 +178,10 @@ def fly_all(
             yield from _fly_elsewhere(executor, mission, seeds, workers)
         else:
             _rehearse(mission, seeds[0])
-            batches = _batches(seeds, max(1, min(_in_step(mission), -(-len(seeds) // workers))))
+            rounds = -(
+                -len(seeds) // (workers * _in_step(mission))
+            )  # in each of them every worker flies as many
+            batches = _batches(seeds, -(-len(seeds) // (workers * rounds)))
             yield from _fly_forked(mission, batches, min(workers, len(batches)))
     except (SwarmError, GeneratorExit):
         raise

@@ -41,7 +41,6 @@ def fed(
             if judgement.over:
                 break
             tick += 1
-            judgement.digest(np.array([tick]))
             judgement.settle(tick, verdict, np.zeros((4, 2)), *agreed)
     return judgement, tick
 
@@ -73,7 +72,7 @@ def test_what_follows_the_decision_changes_nothing_but_the_other_success() -> No
     assert (short.decision, short.over) == ("", False)
     at_once = told(short, tick)
     worse = told(*flown((AWAY, 9), (THERE, 1), (HIT._replace(shared_slots=2), 1)))
-    same = ("success", "failure", "ticks", "digest", "min_distance_m", "overlap_s", "max_edge_error")
+    same = ("success", "failure", "ticks", "min_distance_m", "overlap_s", "max_edge_error")
     assert [getattr(worse, name) for name in same] == [getattr(at_once, name) for name in same]
     assert (worse.strict_tau_s, worse.stood_on) == (None, False)
 

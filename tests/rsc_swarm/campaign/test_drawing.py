@@ -53,6 +53,24 @@ def test_a_task_is_the_same_whenever_it_is_drawn() -> None:
     assert drawn(plan, 0) != drawn(Plan(NINE, HARSH, seed=4, flights=100), 0)
 
 
+def test_what_is_drawn_depends_on_the_seed_and_not_on_the_code_that_happens_to_be_loaded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def asked() -> None:
+        raise AssertionError("Hypothesis asks for the numbers in the sources of loaded modules")
+
+    monkeypatch.setattr("hypothesis.internal.conjecture.providers._get_local_constants", asked)
+    with pytest.raises(AssertionError, match="Hypothesis asks"):
+        _drawn_by_hypothesis()
+    drawn(Plan(NINE, HARSH, 3, 64), 0)
+
+
+@settings(database=None, max_examples=100)
+@given(missions(NINE, HARSH, 7))
+def _drawn_by_hypothesis(_: Mission) -> None:
+    """As it draws itself."""
+
+
 def test_every_kind_of_trouble_comes_and_the_mission_keeps_its_own() -> None:
     mission = Mission(agents=9, faults=[{"at_s": 3, "kind": "kill", "slots": [8]}])
     all_drawn = drawn(Plan(mission, HARSH, 0, 64), 0)
