@@ -1,6 +1,6 @@
 """Body and radio (agent.ports) of a drone on the air, without input and output: a mission flown in a room.
 
-What is sensed is the vehicle's own state and the map of obstacles, both turned into the mission's frame; neighbours are known
+What is sensed is the vehicle's own state and what obstacles are known, both turned into the mission's frame; neighbours are known
 from frames alone. What is wanted, an acceleration, goes into a reference by which the vehicle is led: it is integrated as the
 mission's dynamics have it, and leaks towards what is measured, so that the two cannot part.
 """
@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from agent.air.contacts import Contacts
+from agent.air.obstacles import Obstacles
 from agent.air.vehicle import Setpoint, State
 from agent.ports import Heard, heard_of
 from protocols.dynamics import TICK_S, integrate
@@ -26,10 +27,10 @@ _DRONE_M = 0.5  # its radius as an obstacle, in the mission's metres
 
 
 class RoomBody:
-    """Both ports of the drone ``me`` that flies ``plan`` among ``contacts``."""
+    """Both ports of the drone ``me`` that flies ``plan`` among ``contacts`` and ``obstacles``."""
 
-    def __init__(self, plan: Plan, me: int, contacts: Contacts) -> None:
-        self._plan, self._me, self._contacts = plan, me, contacts
+    def __init__(self, plan: Plan, me: int, contacts: Contacts, obstacles: Obstacles) -> None:
+        self._plan, self._me, self._contacts, self._obstacles = plan, me, contacts, obstacles
         self._place = plan.place
         self.sensed = empty_sensed(1)
         self._reach = plan.mission.sensing.range_m
@@ -42,6 +43,7 @@ class RoomBody:
         self.slot = me
         self.setpoint: Setpoint | None = None
         self.frame: bytes | None = None
+        self.status: AgentStatus | None = None
 
     def begin(self, state: State) -> None:
         """The mission starts where the vehicle is."""
@@ -54,10 +56,12 @@ class RoomBody:
         self._tick, self._now, self.frame = tick, now, None
 
     def sense(self) -> None:
-        sensed, (px, py) = self.sensed, self._measured[0]
+        sensed, place, (px, py) = self.sensed, self._place, self._measured[0]
         sensed.position[0], sensed.velocity[0] = self._measured
+        near = self._obstacles.nearest(*place.to_room((px, py)), self._reach * place.scale)
+        discs = [(*place.to_mission((x, y)), radius / place.scale) for x, y, radius in near]
         count = 0
-        for x, y, radius in (*self._plan.mission_obstacles, *self._silent()):
+        for x, y, radius in (*self._silent(), *discs):
             if math.hypot(x - px, y - py) - radius <= self._reach and count < MAX_OBSTACLES:
                 sensed.obstacles[0, count] = x - px, y - py, radius
                 count += 1
@@ -96,7 +100,7 @@ class RoomBody:
         self.frame = frame
 
     def report(self, slot: int, status: AgentStatus | None) -> None:
-        self.slot = slot
+        self.slot, self.status = slot, status
 
     def _silent(self) -> list[tuple[float, float, float]]:
         """Drones that fell silent in flight: obstacles of the mission where they must have stopped."""

@@ -17,8 +17,10 @@ from agent.air.body import RoomBody
 from agent.air.contacts import Contact, Contacts, tick_of
 from agent.air.guard import Action, Situation, Verdict, bounds_of, judge
 from agent.air.log import FlightLog
+from agent.air.nature import NatureHeard
+from agent.air.obstacles import MapSource, Obstacles
 from agent.air.peers import OPERATOR as THE_OPERATOR
-from agent.air.peers import Said, name_of
+from agent.air.peers import Said, drone_of
 from agent.air.pilot import IN_FLIGHT, Facts, Patience, Phase, Pilot, step
 from agent.air.preflight import complaints
 from agent.air.vehicle import Mode, Setpoint, State, Vector, Vehicle, VehicleError
@@ -29,6 +31,7 @@ from protocols.fleet.plan import Plan
 from protocols.slots.seals import Stamps
 from protocols.wire.account import Account
 from protocols.wire.beacon import NO_TICK, Beacon, BeaconError, pack_beacon, unpack_beacon
+from protocols.wire.nature import WORLD, pack_status, to_drone
 from protocols.wire.operator import OperatorError, Order, Word, unpack_word
 
 _ACCOUNT_TICKS = 25
@@ -62,7 +65,10 @@ class AirDrone:
         self.missed = 0
         self._version, self._sealing = version, sealing
         self._contacts = Contacts(me)
-        self._body = RoomBody(plan, me, self._contacts)
+        self._nature = NatureHeard(plan) if plan.fleet.world else None
+        sources = (MapSource(plan.obstacles), *([self._nature] if self._nature else ()))
+        self._obstacles = Obstacles(sources)
+        self._body = RoomBody(plan, me, self._contacts, self._obstacles)
         self._bounds = bounds_of(plan)
         self._patience = Patience(plan.fleet.guard.hold_s, plan.fleet.guard.abort_s)
         self._every = plan.mission.frame_every
@@ -82,12 +88,21 @@ class AirDrone:
         try:
             if said.kind == "word" and said.who == THE_OPERATOR:
                 self._hear_word(unpack_word(said.data), now)
-            elif said.kind == "beacon":
-                beacon, frame = unpack_beacon(said.data)
-                if name_of(beacon.sender) == said.who and beacon.sender < self.plan.mission.agents:
-                    self._contacts.hear(beacon, frame, said.at_us, now)
+            elif said.who == WORLD and self._nature:
+                if said.kind == to_drone("nature", self.me):
+                    self._nature.hear(said.data, now)
+                elif said.kind == to_drone("carried", self.me):
+                    for sender, data in self._nature.carried(said.data):
+                        self._hear_beacon(sender, data, said.at_us, now)
+            elif said.kind == "beacon" and not self._nature:
+                self._hear_beacon(drone_of(said.who), said.data, said.at_us, now)
         except (BeaconError, OperatorError, ValueError):
             return
+
+    def _hear_beacon(self, sender: int, data: bytes, at_us: int, now: float) -> None:
+        beacon, frame = unpack_beacon(data)
+        if beacon.sender == sender < self.plan.mission.agents:
+            self._contacts.hear(beacon, frame, at_us, now)
 
     def _hear_word(self, word: Word, now: float) -> None:
         newer = self._word is not None and 0 < (word.number - self._word.number) % (2 * _HALF) < _HALF
@@ -121,6 +136,7 @@ class AirDrone:
             agent.policy.PolicyError: the policy raised.
         """
         (state, jump_m), utc_tick = self._measure(now), tick_of(utc_us)
+        self._obstacles.look()
         order, self._order = self._order, None
         if now < self._arm_until and self.pilot.phase is Phase.GROUND:
             order = order or Order.ARM  # what spoke against it a moment ago may be over
@@ -147,7 +163,7 @@ class AirDrone:
     def _setpoint(self, state: State, tick: int, now: float) -> Setpoint | None:
         """Let the mission's drone act where there is a mission; where to be, in a phase that says it."""
         phase = self.pilot.phase
-        self._body.frame = None
+        self._body.frame = self._body.status = None
         if phase is Phase.FORM:
             return self._stand
         if (
@@ -181,7 +197,7 @@ class AirDrone:
 
     def _judge(self, state: State, jump_m: float, setpoint: Setpoint | None, now: float) -> Verdict:
         seen = Situation(
-            state, jump_m, setpoint, self._contacts.movers(now),
+            state, jump_m, setpoint, self._contacts.movers(now), self._obstacles.discs,
             self._contacts.few_s(self.plan.mission.agents - 1, now),
             None if self._word_at is None else now - self._word_at,
             self._contacts.clock_s(now),
@@ -205,7 +221,9 @@ class AirDrone:
     def complaints(self, state: State, now: float) -> list[str]:
         """What speaks against arming it."""
         operator = self._word_at is not None and now - self._word_at < self.plan.fleet.guard.operator_hold_s
-        return complaints(self.plan, self.me, state, self._heard(now), self._contacts.clock_s(now), operator)
+        found = complaints(self.plan, self.me, state, self._heard(now), self._contacts.clock_s(now), operator)
+        worldly = self._nature.complaint(now) if self._nature else None
+        return [worldly, *found] if worldly else found
 
     def _heard(self, now: float) -> list[int]:
         known = self._contacts.known().items()
@@ -262,6 +280,10 @@ class AirDrone:
         )  # fmt: skip
         if self._body.frame is not None or (utc_tick % self._every == 0 and not in_mission):
             said.append(("beacon", pack_beacon(beacon, self._body.frame or b"")))
+        if self._nature:
+            said.append(("pose", pack_beacon(beacon)))
+            if self._body.status is not None:
+                said.append(("status", pack_status(self._body.status)))
         if tick >= 0 and (phase in IN_FLIGHT or phase is Phase.DEAD):
             self.log.record(tick, {**self._contacts.known(), self.me: Contact(beacon, now)}, now)
         if changed or utc_tick % _ACCOUNT_TICKS == 0:

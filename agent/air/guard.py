@@ -9,7 +9,7 @@ The strongest wins, and all reasons are told. Limits are the fleet file's (proto
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -48,15 +48,16 @@ class Mover(NamedTuple):
 class Situation(NamedTuple):
     """All that the guard looks at.
 
-    jump_m: how far its position has moved at once. setpoint: what it is about to be told; None: nothing.
-    movers: the drones that fly. peers_s, operator_s: since half of the others, and the operator, were heard; None: there are
-    none to hear. clock_s: this clock minus the median of the others; None: unknown.
+    jump_m: how far its position has moved at once. setpoint: what it is about to be told; None: nothing. movers: the drones
+    that fly. obstacles: that are known. peers_s, operator_s: since half of the others, and the operator, were heard; None: there
+    are none to hear. clock_s: this clock minus the median of the others; None: unknown.
     """
 
     state: State
     jump_m: float
     setpoint: Setpoint | None
     movers: tuple[Mover, ...]
+    obstacles: Sequence[Disc]
     peers_s: float | None
     operator_s: float | None
     clock_s: float | None
@@ -67,7 +68,6 @@ class Bounds(NamedTuple):
 
     fence: Fence
     guard: Guard
-    obstacles: tuple[Disc, ...]
     limit_m: float
     speed_mps: float
     acceleration_mps2: float
@@ -76,9 +76,7 @@ class Bounds(NamedTuple):
 def bounds_of(plan: Plan) -> Bounds:
     """What a plan says of them."""
     fleet = plan.fleet
-    return Bounds(
-        fleet.fence, fleet.guard, plan.obstacles, plan.limit_m, plan.speed_mps, plan.acceleration_mps2
-    )
+    return Bounds(fleet.fence, fleet.guard, plan.limit_m, plan.speed_mps, plan.acceleration_mps2)
 
 
 Finding = tuple[Action, str]
@@ -157,7 +155,7 @@ def _collision(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
             (mover.p[0] - x, mover.p[1] - y), (mover.v[0] - vx, mover.v[1] - vy), bounds.limit_m, bounds
         ):
             yield Action.HOLD, f"about to hit drone {mover.number}"
-    for number, (ox, oy, radius) in enumerate(bounds.obstacles):
+    for number, (ox, oy, radius) in enumerate(seen.obstacles):
         if _unavoidable((ox - x, oy - y), (-vx, -vy), radius + bounds.limit_m, bounds):
             yield Action.HOLD, f"about to hit obstacle {number}"
 

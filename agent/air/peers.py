@@ -15,13 +15,16 @@ import zenoh
 
 from agent.air.clock import Utc
 from protocols.closing import Closing
+from protocols.fleet.document import Fleet
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
 from protocols.wire.login import Certificates
+from protocols.wire.nature import WORLD, to_drone
 from protocols.wire.transport import filled, secret
 
 # What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
 _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
-_KINDS = ("beacon", "account", "word")
+_TO_ALL = ("beacon", "account", "word")
+_TO_WORLD = ("beacon", "pose", "status", "word")
 _LEASE_MS = 10_000  # a link that is cut for less goes on at once
 _OPEN_MS = 5000
 _LEAVE_S = 0.5  # over a bad network, farewells may not come through
@@ -30,12 +33,42 @@ OPERATOR = "ground"
 
 
 class Said(NamedTuple):
-    """By whom: a drone's number, or `OPERATOR`. kind: beacon, account or word. at_us: UTC on arrival."""
+    """By whom: a drone's number, `OPERATOR` or the world. kind: beacon, account, word, or protocols.wire.nature's.
+    at_us: UTC on arrival.
+    """
 
     who: str
     kind: str
     data: bytes
     at_us: int
+
+
+class End(NamedTuple):
+    """One end of the air: ``who`` listens at ``listen``, looks for others at ``connect``, and hears these kinds."""
+
+    who: str
+    listen: str
+    connect: Sequence[str] = ()
+    hears: Sequence[str] = _TO_ALL
+
+
+def end_of(fleet: Fleet, who: str) -> End:
+    """The end of a drone, of the operator, or of the world of a fleet.
+
+    All are linked to the operator. Drones are linked to each other, or, in mixed reality, to the world alone, which hears them
+    and says to each what reaches it.
+    """
+    ground, world = fleet.ground_address, fleet.world_address
+    if who == OPERATOR:
+        return End(who, ground)
+    if who == WORLD:
+        assert world
+        return End(who, world, [ground], _TO_WORLD)
+    me = int(who)
+    if world:
+        to_me = [to_drone(what, me) for what in ("carried", "nature")]
+        return End(who, fleet.address(me), [ground, world], ["word", *to_me])
+    return End(who, fleet.address(me), [ground, *(fleet.address(other) for other in range(me))])
 
 
 class AirLink(Closing):
@@ -44,14 +77,12 @@ class AirLink(Closing):
     def __init__(
         self,
         swarm: str,
-        who: str,
-        listen: str,
-        connect: Sequence[str],
+        end: End,
         certificates: Certificates | None = None,
         drones: int = 0,
         clock: Utc | None = None,
     ) -> None:
-        """``who`` listens at ``listen`` and looks for others at ``connect``, in the background.
+        """``end`` listens and looks for others in the background.
 
         Args:
             certificates: its own. Then nobody is linked who has none of the same authority, and each of ``drones`` and the
@@ -61,7 +92,7 @@ class AirLink(Closing):
         Raises:
             LinkError: it cannot listen there.
         """
-        self._swarm, self._who, self._clock = checked_swarm(swarm), who, clock or Utc()
+        self._swarm, self._who, self._clock = checked_swarm(swarm), end.who, clock or Utc()
         self._heard: queue.SimpleQueue[Said] = queue.SimpleQueue()
         os.environ.setdefault(
             "ZENOH_RUNTIME",
@@ -69,21 +100,21 @@ class AirLink(Closing):
             "app:(worker_threads:1,max_blocking_threads:2))",
         )
         try:
-            settings = _settings(listen, connect)
+            settings = _settings(end.listen, end.connect)
             if certificates:
                 settings |= secret(certificates, "listen", "connect")
                 settings["access_control"] = _access(swarm, drones)
             self._session = zenoh.open(filled(zenoh.Config(), settings))
         except zenoh.ZError as error:
             raise LinkError(
-                f"cannot listen at {listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
+                f"cannot listen at {end.listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
                 "or end what uses it"
             ) from None
-        for kind in _KINDS:
+        for kind in end.hears:
             self._session.declare_subscriber(
                 f"{self._swarm}/air/*/{kind}", zenoh.handlers.Callback(self._take, indirect=False)
             )
-        self._publishers = {kind: self._publisher(kind) for kind in _KINDS}
+        self._publishers: dict[str, Any] = {}
 
     def _publisher(self, kind: str) -> Any:
         return self._session.declare_publisher(
@@ -100,7 +131,10 @@ class AirLink(Closing):
 
     def say(self, kind: str, data: bytes) -> None:
         """To all that are linked."""
-        self._publishers[kind].put(data)
+        publisher = self._publishers.get(kind)
+        if publisher is None:
+            publisher = self._publishers[kind] = self._publisher(kind)
+        publisher.put(data)
 
     def hear(self) -> list[Said]:
         """What came since, oldest first."""
@@ -123,6 +157,15 @@ class AirLink(Closing):
 def name_of(drone: int) -> str:
     """What a drone is called on the air."""
     return str(checked_agent(drone))
+
+
+def drone_of(name: str) -> int:
+    """Which drone is called so.
+
+    Raises:
+        ValueError: none is.
+    """
+    return checked_agent(int(name)) if name.isascii() else -1
 
 
 def _settings(listen: str, connect: Sequence[str]) -> dict[str, Any]:
@@ -150,7 +193,7 @@ def _endpoint(address: str) -> str:
 def _access(swarm: str, drones: int) -> dict[str, Any]:
     """Everybody may hear everybody; in the name of each may speak who has its certificate."""
     everything = f"{swarm}/air/**"
-    names = {name_of(drone): user(drone) for drone in range(drones)} | {OPERATOR: OPERATOR}
+    names = {name_of(drone): user(drone) for drone in range(drones)} | {OPERATOR: OPERATOR, WORLD: WORLD}
     hearing: list[dict[str, Any]] = [
         {
             "id": "say",

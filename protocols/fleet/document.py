@@ -135,6 +135,18 @@ class AirRadio(Section):
     )
 
 
+class WorldSpec(Section):
+    """Mixed reality: a world (`rsc-swarm world --bodies external`) carries the frames, and adds obstacles nobody can touch."""
+
+    address: Address | None = Field(None, description="where it is reached; none: on this machine")
+    obstacles_m: tuple[tuple[Place, Place, Positive], ...] = Field(
+        (), description="x, y, radius of obstacles that only it knows; drones see them when they come near"
+    )
+    noise_m: Annotated[Number, Field(ge=0, le=0.1)] = Field(
+        0.0, description="of what drones see of them: standard deviation"
+    )
+
+
 class DroneSpec(Section):
     """One drone."""
 
@@ -171,6 +183,7 @@ class Fleet(Section):
     guard: Guard = Guard()
     radio: AirRadio = AirRadio()
     ground: Address | None = Field(None, description="where the operator is reached, as address of a drone")
+    world: WorldSpec | None = Field(None, description="for mixed reality; none: drones hear each other")
     keys: Line | None = Field(None, description="folder of keys, beside this file; none: all is plain text")
     drones: tuple[DroneSpec, ...]
 
@@ -185,6 +198,18 @@ class Fleet(Section):
     def ground_address(self) -> str:
         """Where the operator is reached."""
         return self.ground or self._here(0)
+
+    @property
+    def world_address(self) -> str | None:
+        """Where the world is reached; None: there is none."""
+        return None if self.world is None else self.world.address or self._here(1 + len(self.drones))
+
+    @property
+    def addresses(self) -> dict[str, str]:
+        """Of everybody, by the fields of the fleet file."""
+        drones = {f"drones.{drone.number}.address": self.address(drone.number) for drone in self.drones}
+        world = {} if self.world_address is None else {"world.address": self.world_address}
+        return {"ground": self.ground_address, **world, **drones}
 
 
 def parse_fleet(fields: dict[str, Any], source: str = "fleet") -> Fleet:

@@ -14,8 +14,10 @@ from protocols.fleet.document import SECRET, Fleet, FleetError, host_of
 from protocols.fleet.place import Flat, Place
 from protocols.mission import needs
 from protocols.mission.document import Mission, MissionError, parse_mission
+from protocols.wire.sensed import MAX_OBSTACLES
 
 Disc = tuple[float, float, float]
+ONE_OBSTACLE_M = 0.3  # sightings whose centres are no farther apart are of one obstacle
 
 _LANDED_S = 10.0  # from a landing's begin
 _SETTLE_S = 2.5  # flown on after the formation can be beyond the goal line
@@ -70,12 +72,19 @@ class Plan:
         discs = self.mission.obstacles.discs or ()
         return tuple((*self.place.to_room((x, y)), radius * self.fleet.scale) for x, y, radius in discs)
 
+    @property
+    def virtual_obstacles(self) -> tuple[Disc, ...]:
+        """Discs of the room that only its world knows."""
+        return self.fleet.world.obstacles_m if self.fleet.world else ()
+
+    def in_mission(self, disc: Disc) -> Disc:
+        """A disc of the room in the mission's frame."""
+        return *self.place.to_mission(disc[:2]), disc[2] / self.fleet.scale
+
     @cached_property
     def mission_obstacles(self) -> tuple[Disc, ...]:
         """The same in the mission's frame."""
-        return tuple(
-            (*self.place.to_mission((x, y)), radius / self.fleet.scale) for x, y, radius in self.obstacles
-        )
+        return tuple(map(self.in_mission, self.obstacles))
 
     def slots_at(self, tick: int) -> tuple[Flat, ...]:
         """Where the slots are in the room, so many ticks after `go`."""
@@ -149,16 +158,10 @@ def _check_before(fleet: Fleet, mission: Mission) -> None:
 
 def _check_addresses(plan: Plan) -> None:
     fleet = plan.fleet
-    ends = [(f"drone {drone.number}", fleet.address(drone.number)) for drone in fleet.drones]
-    for (one, first), (other, second) in combinations([("the operator", fleet.ground_address), *ends], 2):
+    for (one, first), (other, second) in combinations(fleet.addresses.items(), 2):
         if first == second:
-            raise FleetError(
-                f"drones: {one} and {other} are both reached at {first}; give each its own address"
-            )
-    for name, address in [
-        ("ground", fleet.ground_address),
-        *((f"drones.{i}.address", at) for i, (_, at) in enumerate(ends)),
-    ]:
+            raise FleetError(f"{other}: {second} is that of {one}, too; give each its own address")
+    for name, address in fleet.addresses.items():
         protocol = address.partition("/")[0]
         if (protocol in SECRET) != (fleet.keys is not None):
             raise FleetError(
@@ -198,7 +201,7 @@ def _check_distances(plan: Plan) -> None:
                     f"{what} {i} and {j} are {math.dist(one, other):.2f} m apart, and {limit:.2f} m is a collision; "
                     "move them apart"
                 )
-    for index, (x, y, radius) in enumerate(plan.obstacles):
+    for index, (x, y, radius) in enumerate((*plan.obstacles, *plan.virtual_obstacles)):
         for drone, start in enumerate(plan.starts):
             if math.dist(start, (x, y)) - radius < limit:
                 raise FleetError(
@@ -225,4 +228,25 @@ def _check_fence(plan: Plan) -> None:
             )
 
 
-_CHECKS: tuple[Callable[[Plan], None], ...] = (_check_addresses, _check_distances, _check_fence)
+def _check_world(plan: Plan) -> None:
+    """Drones land when their own goal line is behind them, and take what is close together for one obstacle."""
+    goal = max([plan.mission.goal_x_m, *(x + radius for x, _, radius in plan.mission_obstacles)])
+    virtual = plan.virtual_obstacles
+    if len(plan.obstacles) + len(virtual) > MAX_OBSTACLES:
+        raise FleetError(f"world.obstacles_m: with those of the room at most {MAX_OBSTACLES}; leave some out")
+    for index, disc in enumerate(virtual):
+        x, _, radius = plan.in_mission(disc)
+        if x + radius > goal:
+            raise FleetError(
+                f"world.obstacles_m.{index}: it ends at x = {x + radius:.1f} m of the mission, beyond the goal line at "
+                f"{goal:.1f} m; move it back"
+            )
+        for other in (*plan.obstacles, *virtual[:index]):
+            if math.dist(disc[:2], other[:2]) <= ONE_OBSTACLE_M:
+                raise FleetError(
+                    f"world.obstacles_m.{index}: its centre is {math.dist(disc[:2], other[:2]):.2f} m from another's, and "
+                    f"drones take two within {ONE_OBSTACLE_M:g} m for one; move it away"
+                )
+
+
+_CHECKS: tuple[Callable[[Plan], None], ...] = (_check_addresses, _check_distances, _check_fence, _check_world)

@@ -55,6 +55,11 @@ def pack_beacon(beacon: Beacon, frame: bytes = b"") -> bytes:
     return record + frame
 
 
+def record_of(data: bytes) -> bytes:
+    """The record in what a drone said, without the frame."""
+    return data[: _RECORD.size]
+
+
 def unpack_beacon(data: bytes) -> tuple[Beacon, bytes]:
     """A record, and the frame behind it, which is still to be checked; empty: none.
 

@@ -114,8 +114,17 @@ def read_login(text: str) -> Login:
 
 def read_operator_login(text: str) -> OperatorLogin:
     """Raises ValueError, in one line, if ``text`` is no operator's login, or its certificates are not an operator's."""
+    return _peer_login(text, OPERATOR)
+
+
+def read_mixed_login(text: str) -> OperatorLogin:
+    """Raises ValueError, in one line, if ``text`` is no login of a fleet's world, or its certificates are not a world's."""
+    return _peer_login(text, WORLD)
+
+
+def _peer_login(text: str, name: str) -> OperatorLogin:
     login = OperatorLogin.from_json(text)
-    checked_certificates(login.certificates, OPERATOR)
+    checked_certificates(login.certificates, name)
     return login
 
 

@@ -12,7 +12,8 @@ from agent.air.clock import Utc
 from agent.air.contacts import Contacts
 from agent.air.drone import AirDrone
 from agent.air.flying import fly
-from agent.air.peers import AirLink, name_of
+from agent.air.obstacles import Obstacles
+from agent.air.peers import AirLink, end_of, name_of
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
 from agent.air.vehicle import Failsafe, Rig, make_vehicle
@@ -58,7 +59,6 @@ def fly_drone(
     service = Service()
     address = fleet.address(me)
     login = read_fleet_login(keys, plan.mission.swarm, me, host_of(address)) if keys else None
-    others = [fleet.ground_address, *(fleet.address(other) for other in range(me))]
     seals = login.seals if login else None
     drone = AirDrone(
         plan, me, vehicle, version("rsc-swarm"), lambda flight: seals_of(seals, plan.mission.agents, flight)
@@ -74,9 +74,8 @@ def fly_drone(
     with leave_when_asked() as leave:
         try:
             certificates, clock = login.certificates if login else None, Utc()
-            with AirLink(
-                plan.mission.swarm, name_of(me), address, others, certificates, plan.mission.agents, clock
-            ) as link:
+            end, agents = end_of(fleet, name_of(me)), plan.mission.agents
+            with AirLink(plan.mission.swarm, end, certificates, agents, clock) as link:
                 _say(
                     me,
                     f"ready after {time.time() - psutil.Process().create_time():.2f} s at {address}",
@@ -92,7 +91,7 @@ def load(plan: Plan) -> None:
     make_room(plan.mission.agents)
     rehearse_judging(plan)
     warm_up_drone(plan.mission)
-    RoomBody(plan, 0, Contacts(0)).fly(0.0, 0.0)
+    RoomBody(plan, 0, Contacts(0), Obstacles(())).fly(0.0, 0.0)
 
 
 def _say(me: int, text: str) -> None:

@@ -4,8 +4,11 @@ from pathlib import Path
 
 from protocols.fleet.document import FleetError, read_fleet
 from protocols.fleet.plan import Plan, make_plan
-from protocols.mission.document import MissionError, parse_mission, read_mission_fields
+from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
 from rsc_swarm.missions import SHIPPED, shipped_missions
+from rsc_swarm.options import MissionOptions, named, resolve
+
+_OF_THE_WORLD = ("radio", "faults", "seed", "success", "hold_s")
 
 
 def read_plan(path: Path) -> Plan:
@@ -27,6 +30,23 @@ def read_plan(path: Path) -> Plan:
     except MissionError as error:
         raise FleetError(f"{path}: {error}") from None
     return make_plan(fleet, mission, str(path))
+
+
+def asked_mission(path: Path, plan: Plan, options: MissionOptions) -> Mission:
+    """The mission of the fleet file at ``path`` with what ``options`` say of its radio, its faults and its seed.
+
+    Raises:
+        MissionError: they say something else, which the drones would not know of.
+    """
+    beside = path.parent / plan.fleet.mission
+    name = plan.fleet.mission if plan.fleet.mission in shipped_missions() else str(beside)
+    own, asked = resolve(MissionOptions(mission=name)), resolve(named(options, name))
+    for field in type(own).model_fields:
+        if field not in _OF_THE_WORLD and getattr(own, field) != getattr(asked, field):
+            raise MissionError(
+                f"{field}: the drones fly what {path} says; a world of theirs changes {', '.join(_OF_THE_WORLD)} alone"
+            )
+    return asked
 
 
 def keys_of(path: Path, plan: Plan) -> Path | None:

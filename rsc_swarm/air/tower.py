@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from agent.air.clock import Utc
-from agent.air.peers import OPERATOR, AirLink
+from agent.air.peers import OPERATOR, AirLink, end_of
 from protocols.fleet.document import host_of
 from protocols.fleet.plan import Plan
 from protocols.wire.operator import Order
@@ -47,7 +47,7 @@ def watch(
     own = read_operator_login(keys, swarm, host_of(address)).certificates if keys else None
     with (
         leave_when_asked() as leave,
-        AirLink(swarm, OPERATOR, address, (), own, plan.mission.agents, clock) as link,
+        AirLink(swarm, end_of(plan.fleet, OPERATOR), own, plan.mission.agents, clock) as link,
     ):
         said_at = leaving_at = 0.0
         while True:

@@ -71,15 +71,17 @@ def fly_once(
     asked: FlightOptions,
     options: MissionOptions,
     also: Mapping[str, Any] | None = None,
+    given: Mission | None = None,
 ) -> ExitCode:
     """Fly once; how the command ends. ``also``: the options that flying it again needs besides those of the mission.
+    ``given``: what is flown, where ``options`` are but a part of that.
 
     What came of it is told before anything is kept, so that a full disk loses no more than it must.
 
     Raises:
         protocols.errors.SwarmError: the mission cannot be flown, or the run itself broke.
     """
-    mission = resolve(options)
+    mission = given or resolve(options)
     output, mcap = JsonOutput(asked.json), McapOutput(asked.mcap)
     with redirect_stdout(output.beside):  # whatever a policy prints
         policy_files = policy_facts(mission).files
@@ -87,7 +89,7 @@ def fly_once(
     folder = RunDir(asked.run_dir) if asked.run_dir else None
     if folder:
         folder.begin(mission, policy_files, asked.overwrite)
-        options = MissionOptions(mission=str(folder.mission))
+        options = options if given else MissionOptions(mission=str(folder.mission))
     realtime = {} if asked.clock is Clock.lockstep else {"clock": asked.clock.value}
     who = f"{agents_text(mission.agents)}, policy {mission.policy}"
     view = View(f"{mode} {mission.name}: {who}, map {mission.map_seed}, seed {mission.seed}")

@@ -56,12 +56,16 @@ def _fleet_keys(folder: Path, file: Path, days: int, overwrite: bool) -> None:
     from protocols.fleet.document import host_of
     from rsc_swarm.air.plans import read_plan
     from rsc_swarm.flight.key_files import make_fleet_key_files
+    from world.server.credentials import FleetHosts
 
     plan = read_plan(file)
     fleet, agents = plan.fleet, plan.mission.agents
-    hosts = [host_of(fleet.address(agent)) for agent in range(agents)]
-    make_fleet_key_files(folder, plan.mission.swarm, hosts, host_of(fleet.ground_address), days, overwrite)
+    world = host_of(fleet.world_address) if fleet.world_address else None
+    drones = [host_of(fleet.address(agent)) for agent in range(agents)]
+    hosts = FleetHosts(drones, host_of(fleet.ground_address), world)
+    make_fleet_key_files(folder, plan.mission.swarm, hosts, days, overwrite)
+    of_world = "; mixed.json for the world" if world else ""
     typer.echo(
-        f"{folder}: ground.json is for the operator, agent-0.json for drone 0 and nobody else, and so on; good for {days} days. "
-        f"Write keys: {folder.name} into {file}, if it lies beside it"
+        f"{folder}: ground.json is for the operator, agent-0.json for drone 0 and nobody else, and so on{of_world}; good for "
+        f"{days} days. Write keys: {folder.name} into {file}, if it lies beside it"
     )

@@ -18,10 +18,10 @@ from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
 from protocols.wire.keys import user
 from protocols.wire.login import Certificates, Login, OperatorLogin
-from world.server.credentials import Credentials, make_fleet_keys, make_keys
+from world.server.credentials import Credentials, FleetHosts, make_fleet_keys, make_keys
 
 HERE = ("localhost", "127.0.0.1", "::1")  # where every world's certificate is good, to try it on one machine
-_WORLD, _GROUND = "world.json", "ground.json"
+_WORLD, _GROUND, _MIXED = "world.json", "ground.json", "mixed.json"
 _FOR_OTHERS = 0o077
 _Kind = TypeVar("_Kind")
 
@@ -51,25 +51,26 @@ def make_key_files(
     _write_keys(folder, {**files, _WORLD: keys.world.to_json()}, overwrite)
 
 
-def make_fleet_key_files(
-    folder: Path, swarm: str, hosts: Sequence[str], ground: str, days: int, overwrite: bool
-) -> None:
-    """Make the keys of a fleet: a file for the operator, who is reached at ``ground``, and one for each drone at ``hosts[i]``.
+def make_fleet_key_files(folder: Path, swarm: str, fleet: FleetHosts, days: int, overwrite: bool) -> None:
+    """Make the keys of a fleet: a file for the operator, one for each drone, and one for its world if it has one.
 
     Raises:
         As `make_key_files`.
     """
     try:
-        operator, logins = make_fleet_keys(swarm, hosts, ground, days, datetime.now(UTC))
+        made = make_fleet_keys(swarm, fleet, days, datetime.now(UTC))
     except ValueError as error:
         raise KeyFolderError(str(error)) from None
-    files = {f"{user(login.agent)}.json": login.to_json() for login in logins}
-    _write_keys(folder, {**files, _GROUND: operator.to_json()}, overwrite)
+    files = {f"{user(login.agent)}.json": login.to_json() for login in made.logins}
+    files[_GROUND] = made.operator.to_json()
+    if made.world:
+        files[_MIXED] = made.world.to_json()
+    _write_keys(folder, files, overwrite)
 
 
 def _write_keys(folder: Path, files: Mapping[str, str], overwrite: bool) -> None:
     """All of them or none, by their names."""
-    old = [path for name in ("agent-*.json", _WORLD, _GROUND) for path in folder.glob(name)]
+    old = [path for name in ("agent-*.json", _WORLD, _GROUND, _MIXED) for path in folder.glob(name)]
     if old and not overwrite:
         raise KeyFolderError(
             f"{folder}: holds keys already; give a new directory, or --overwrite: then no old key is good any more"
@@ -167,8 +168,16 @@ def read_fleet_login(folder: Path, swarm: str, agent: int, host: str) -> Login:
 
 def read_operator_login(folder: Path, swarm: str, host: str) -> OperatorLogin:
     """The operator's own, as `read_fleet_login`."""
-    file = folder / _GROUND
-    login = _read(file, certificates.read_operator_login)
+    return _peer_login(folder / _GROUND, certificates.read_operator_login, swarm, host)
+
+
+def read_world_login(folder: Path, swarm: str, host: str) -> OperatorLogin:
+    """Those of the world of a fleet in mixed reality, as `read_fleet_login`."""
+    return _peer_login(folder / _MIXED, certificates.read_mixed_login, swarm, host)
+
+
+def _peer_login(file: Path, reader: Callable[[str], OperatorLogin], swarm: str, host: str) -> OperatorLogin:
+    login = _read(file, reader)
     _check_fleet(file, login.certificates, login.swarm, swarm, host)
     return login
 

@@ -32,6 +32,7 @@ from protocols.wire import (
     frames,
     keys,
     messages,
+    nature,
     operator,
     pieces,
     status,
@@ -130,6 +131,8 @@ _AIR_MESSAGES: dict[bytes, Any] = {
     b"b": (beacon.unpack_beacon, lambda said: beacon.pack_beacon(*said)),
     b"w": (operator.unpack_word, operator.pack_word),
     b"a": (account.read_account, account.Account.to_json),
+    b"n": (nature.unpack_nature, nature.pack_nature),
+    b"s": (lambda data: nature.unpack_status(data, AGENTS), nature.pack_status),
 }
 
 

@@ -34,6 +34,7 @@ from protocols.wire.messages import (
     make_tick,
     pack,
 )
+from protocols.wire.nature import Nature, pack_nature, pack_status
 from protocols.wire.operator import Order as OperatorOrder
 from protocols.wire.operator import Word, pack_word
 from protocols.wire.pieces import cut
@@ -179,6 +180,8 @@ def air_messages() -> Iterator[bytes]:
             "1",
         ).to_json()
     )
+    yield b"n" + pack_nature(Nature("f" * 16, "m" * 16, 0.0, [x]))
+    yield b"s" + pack_status(_STATUS)
 
 
 def pieces() -> Iterator[bytes]:

@@ -35,6 +35,7 @@ from protocols.wire import (
     keys,
     login,
     messages,
+    nature,
     operator,
     pieces,
     status,
@@ -44,6 +45,7 @@ from protocols.wire.account import AccountError
 from protocols.wire.beacon import BeaconError
 from protocols.wire.login import Login
 from protocols.wire.messages import MessageError
+from protocols.wire.nature import NatureError
 from protocols.wire.operator import OperatorError
 from protocols.wire.vehicles import VehicleMessageError
 from rsc_swarm import options
@@ -155,10 +157,10 @@ TARGETS = {
     ),
     "on-air": Target(
         readers.read_air_message,
-        (BeaconError, OperatorError, AccountError),
+        (BeaconError, OperatorError, AccountError, NatureError),
         seed_messages.air_messages,
         mutate.bytes_changed,
-        (beacon.unpack_beacon, operator.unpack_word, account.read_account),
+        (beacon.unpack_beacon, operator.unpack_word, account.read_account, nature),
     ),
     "hand": Target(
         readers.read_hand,

@@ -20,6 +20,7 @@ from rsc_swarm.air.tower import watch
 from rsc_swarm.flight.key_files import make_fleet_key_files
 from tests.scenarios.fleets import Fleet
 from tests.scenarios.wires import Rules, Wires, address
+from world.server.credentials import FleetHosts
 
 _DRONES, _EACH = 6, 2
 _GROUND = 0  # the machine of the operator
@@ -46,7 +47,7 @@ def fleet_on_hosts(folder: Path) -> Fleet:
     ]
     fleet = Fleet(folder, drones=drones, ground=f"quic/{address(_GROUND)}:7450", keys="keys")
     hosts = [address(machine_of(me)) for me in range(_DRONES)]
-    make_fleet_key_files(folder / "keys", "rsc", hosts, address(_GROUND), 1, overwrite=False)
+    make_fleet_key_files(folder / "keys", "rsc", FleetHosts(hosts, address(_GROUND)), 1, overwrite=False)
     return fleet
 
 

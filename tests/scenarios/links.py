@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.air.peers import AirLink, name_of
+from agent.air.peers import AirLink, End, name_of
 from protocols.wire.certificates import OPERATOR, make_peer_certificates
 from protocols.wire.keys import user
 from tests.scenarios.wires import Rules, Wires, address
@@ -32,7 +32,7 @@ def measure(protocol: str, loss: float) -> tuple[float, np.ndarray]:
         def peer(me: int) -> Callable[[], int]:
             def run() -> int:
                 at = [f"{protocol}/{address(other)}:7450" for other in range(me + 1)]
-                link = AirLink("rsc", name_of(me), at.pop(), at, keys.get(user(me)), _PEERS)
+                link = AirLink("rsc", End(name_of(me), at.pop(), at), keys.get(user(me)), _PEERS)
                 time.sleep(4.0)  # until all are linked
                 for _ in range(_BEACONS):
                     link.say("beacon", (time.time_ns() // 1000).to_bytes(8, "big") + bytes(_BYTES - 8))

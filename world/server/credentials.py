@@ -89,16 +89,31 @@ def make_keys(swarm: str, agents: int, addresses: Sequence[str], days: int, now:
     )
 
 
-def make_fleet_keys(
-    swarm: str, hosts: Sequence[str], ground: str, days: int, now: datetime
-) -> tuple[OperatorLogin, tuple[Login, ...]]:
-    """What the operator and each drone of a fleet are given, who are reached at ``ground`` and ``hosts[i]``; errors as
-    `protocols.wire.certificates.make_peer_certificates`."""
-    from protocols.wire.certificates import OPERATOR, make_peer_certificates
+class FleetHosts(NamedTuple):
+    """Where those of a fleet are reached: each drone, the operator, and the world of mixed reality if there is one."""
 
-    fresh, names = Credentials.fresh(swarm, len(hosts)), [user(agent) for agent in range(len(hosts))]
-    made = make_peer_certificates(
-        swarm, {OPERATOR: ground, **dict(zip(names, hosts, strict=True))}, days, now
-    )
+    drones: Sequence[str]
+    ground: str
+    world: str | None = None
+
+
+class FleetKeys(NamedTuple):
+    """What those of a fleet are given."""
+
+    operator: OperatorLogin
+    logins: tuple[Login, ...]
+    world: OperatorLogin | None
+
+
+def make_fleet_keys(swarm: str, hosts: FleetHosts, days: int, now: datetime) -> FleetKeys:
+    """New keys of a fleet; errors as `protocols.wire.certificates.make_peer_certificates`."""
+    from protocols.wire.certificates import OPERATOR, WORLD, make_peer_certificates
+
+    fresh, names = Credentials.fresh(swarm, len(hosts.drones)), list(map(user, range(len(hosts.drones))))
+    reached = {OPERATOR: hosts.ground, **dict(zip(names, hosts.drones, strict=True))}
+    if hosts.world:
+        reached[WORLD] = hosts.world
+    made = make_peer_certificates(swarm, reached, days, now)
     logins = tuple(fresh.login(agent, made[name]) for agent, name in enumerate(names))
-    return OperatorLogin(swarm, made[OPERATOR]), logins
+    world = OperatorLogin(swarm, made[WORLD]) if hosts.world else None
+    return FleetKeys(OperatorLogin(swarm, made[OPERATOR]), logins, world)

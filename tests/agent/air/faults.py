@@ -14,7 +14,7 @@ from protocols.wire.beacon import NO_TICK, NOBODY, Beacon, pack_beacon
 from protocols.wire.operator import Order
 from tests.agent.air.hall import Hall, plan_of
 
-_ROOM = {
+ROOM = {
     "origin_m": [-2.5, 0],
     "scale": 0.25,
     "height_m": 0.8,
@@ -43,7 +43,7 @@ class Told:
 
 def _begin(**given: object) -> Hall:
     """In mid-mission, just before it goes wrong."""
-    hall = Hall(plan_of("lab-small", **_ROOM), **given)  # type: ignore[arg-type]
+    hall = Hall(plan_of("lab-small", **ROOM), **given)  # type: ignore[arg-type]
     hall.go(_AT_S)
     return hall
 

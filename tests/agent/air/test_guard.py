@@ -13,13 +13,12 @@ from protocols.fleet.document import Fence, Guard
 BOUNDS = Bounds(
     Fence(x_m=(-3.0, 3.0), y_m=(-2.0, 2.0), z_m=(0.0, 2.5)),
     Guard(),
-    ((1.5, 0.0, 0.3),),
     limit_m=0.15,
     speed_mps=2.0,
     acceleration_mps2=3.0,
 )
 STILL = State((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.9, Mode.FOLLOW, True)
-WELL = Situation(STILL, 0.0, Setpoint(STILL.p, STILL.v, STILL.v), (), 0.1, 0.1, 0.001)
+WELL = Situation(STILL, 0.0, Setpoint(STILL.p, STILL.v, STILL.v), (), ((1.5, 0.0, 0.3),), 0.1, 0.1, 0.001)
 
 
 def state(**changes: object) -> State:
@@ -109,13 +108,13 @@ def test_who_brakes_when_it_is_told_to_stays_in_the_fence(
     at: tuple[float, float], course: float, speed: float
 ) -> None:
     """Flies straight on until the guard says hold, goes on for the time it may be late, brakes with what it has."""
-    fence, (x, y) = BOUNDS._replace(obstacles=()), at
+    x, y = at
     vx, vy = speed * math.cos(course), speed * math.sin(course)
     stop = speed / 3.0 / 2 + 0.14
     if not (-3 <= x + vx * stop <= 3 and -2 <= y + vy * stop <= 2):
         return  # it was not let in like that
     for _ in range(1000):
-        if judge(seen(p=(x, y, 1.0), v=(vx, vy, 0.0)), fence).action is not Action.PASS:
+        if judge(seen(p=(x, y, 1.0), v=(vx, vy, 0.0), obstacles=()), BOUNDS).action is not Action.PASS:
             break
         x, y = x + 0.01 * vx, y + 0.01 * vy
     assert -3 <= x + vx * stop <= 3

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from agent.air.peers import OPERATOR, AirLink, Said, name_of
+from agent.air.peers import OPERATOR, AirLink, End, Said, name_of
 from protocols.wire.certificates import make_peer_certificates
 from protocols.wire.keys import LinkError, user
 from protocols.wire.login import Certificates
@@ -30,7 +30,7 @@ class Band:
 
     def join(self, who: str, own: Certificates | None) -> AirLink:
         address = f"{'quic' if own else 'udp'}/{HERE}:{next(_ports)}"
-        link = AirLink("rsc", who, address, list(self.addresses), own, 2)
+        link = AirLink("rsc", End(who, address, list(self.addresses)), own, 2)
         self.addresses.append(address)
         return self._links.enter_context(link)
 
@@ -96,4 +96,4 @@ def test_who_has_keys_of_another_authority_is_not_linked(band: Band) -> None:
 def test_an_address_that_is_taken_is_told(band: Band) -> None:
     band.join(name_of(0), None)
     with pytest.raises(LinkError, match=r"cannot listen at udp/127.0.0.1"):
-        AirLink("rsc", name_of(1), band.addresses[0], ())
+        AirLink("rsc", End(name_of(1), band.addresses[0]))
