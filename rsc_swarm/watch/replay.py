@@ -13,8 +13,8 @@ import numpy as np
 
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from rsc_swarm.flight.again import fly_again
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
-from rsc_swarm.flight.simulate import Simulation
 from world.outlets.judged import findings_of
 from world.outlets.picture import COLUMNS, FARTHEST_M, FLYING, LOST, Picture, picture, scene_of
 from world.outlets.trajectory import Trajectory
@@ -68,26 +68,17 @@ def _again(
     """The pictures of the flight flown again, if it is the same; else none, and why."""
     if report is None:
         return [], "it has no report to be held against"
-    if report.get("clock") != "lockstep":
-        return [], "it was flown by the clock"
+    ticks, pictures = int(report["ticks"]), []
     try:
-        simulation = Simulation([mission], watched=True)
-        ticks, pictures = int(report["ticks"]), []
-        while True:
-            over = simulation.clock >= ticks or not simulation.world.active[0]
-            if simulation.clock % _EVERY == 0 or over:
-                director = simulation.director
+        for director in fly_again(mission, report.get("clock", ""), ticks, report.get("digest", "")):
+            over = director.clock >= ticks or not director.core.active[0]
+            if director.clock % _EVERY == 0 or over:
                 pictures.append(
                     picture(director.core, director.statuses, 0.0, plans=director.plans()).packed()
                 )
-                progress(simulation.clock / max(ticks, 1))
-            if over:
-                break
-            simulation.tick()
+                progress(director.clock / max(ticks, 1))
     except SwarmError as error:
         return [], str(error)
-    if simulation.world.outcome(0).digest != report.get("digest"):
-        return [], "flown again here it is another flight"
     return pictures, ""
 
 

@@ -1,6 +1,7 @@
 """A flight for other programs: read back with the library that reads MCAP files, against Foxglove's own schemas."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from rsc_swarm.show.foxglove.file import McapError, check_mcap, write_mcap
 pytest.importorskip("mcap_protobuf")
 
 FAULTS = [
-    {"at_s": 0.2, "kind": "part", "groups": [[0, 1], [2, 3]]},
+    {"at_s": 0.15, "kind": "part", "groups": [[0, 1], [2, 3]]},
     {"at_s": 0.4, "kind": "heal"},
     {"at_s": 0.6, "kind": "kill", "agents": [1]},
 ]
@@ -80,6 +81,7 @@ def test_what_foxglove_has_a_schema_for_has_it(written: Path) -> None:
         "/events": ("rsc_swarm.Event", "json"),
         "/drones": ("rsc_swarm.Drones", "json"),
         "/figures": ("rsc_swarm.Figures", "json"),
+        "/links": ("rsc_swarm.Links", "json"),
         "/report": ("rsc_swarm.FlightReport", "json"),
     }
     assert attachment.name == "mission.yaml"
@@ -116,9 +118,31 @@ def test_the_scene_has_the_field_the_drones_that_fly_the_tree_and_the_radio(
         at = flight.path.positions[row]
         return sum(bool(np.linalg.norm(at[a] - at[b]) <= 6.0) for a, b in pairs)
 
-    assert links[0.3] == [near(30, together)], "while it is parted, only those of a group hear each other"
-    assert links[0.5] == [near(50, together + apart)]
-    assert links[0.5][0] > links[0.3][0]
+    assert links[0.4] == [near(40, together)], "while it is parted, only those of a group hear each other"
+    assert links[0.6] == [near(60, together + apart)]
+    assert links[0.6][0] > links[0.4][0]
+
+
+def test_links_are_what_the_radio_carried_and_lost_and_the_scene_draws_them(written: Path) -> None:
+    links = {time_s: content["links"] for time_s, content in messages(written, "/links")}
+    assert links[0.0] == []
+    heard = {frozenset((link["source"], link["destination"])) for link in links[0.4] if link["carried"]}
+    assert heard == {frozenset((0, 1))}, "the radio is parted, and 2 and 3 are out of each other's range"
+    assert all(1 not in (link["source"], link["destination"]) for link in links[0.9]), "it is dead"
+    assert not any(link["lost"] or link["delayed"] for each in links.values() for link in each)
+
+
+def test_where_a_flight_does_not_repeat_links_are_who_could_hear_whom(
+    flight: Recorded, tmp_path: Path
+) -> None:
+    assert flight.report
+    by_clock = replace(flight, report=flight.report.model_copy(update={"clock": "realtime"}))
+    another = replace(flight, report=flight.report.model_copy(update={"digest": "0" * 32}))
+    for name, recorded in (("clock", by_clock), ("another", another)):
+        write_mcap(recorded, tmp_path / name)
+        assert messages(tmp_path / name, "/links") == []
+        radio = dict(messages(tmp_path / name, "/scene"))[0.5].entities[2]
+        assert len(radio.lines[0].points) > 0
 
 
 def test_events_and_the_report_are_those_of_the_flight(flight: Recorded, written: Path) -> None:

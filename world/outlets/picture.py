@@ -160,7 +160,7 @@ def picture(
         real_time_factor,
         drones,
         _beliefs(core.claim[world], flying, statuses),
-        _links(core.fates[world], int(core.tick[world])),
+        links_of(core.fates[world], int(core.tick[world])),
         dict(zip(TALLY, core.tally[world].tolist(), strict=True)),
         {
             name: sum(status.swaps[index] for status in statuses.values())
@@ -182,8 +182,9 @@ def _beliefs(
     return np.stack([who[row], about, views[row, about]], axis=1)[:_MOST_BELIEFS].astype(np.int16)
 
 
-def _links(fates: NDArray[np.int32], tick: int) -> NDArray[np.int16]:
-    """What became lately of the frames on each link; fates: (N, N, 3), or of nobody where they are not watched."""
+def links_of(fates: NDArray[np.int32], tick: int) -> NDArray[np.int16]:
+    """What became of the frames on each link in the last 0.2 s, as `Picture.links`; fates: (N, N, 3), or of nobody where they
+    are not watched."""
     bits = (fates >= tick - _RECENT_TICKS) @ (1 << np.arange(fates.shape[2]))
     source, destination = np.nonzero(bits)
     return np.stack([source, destination, bits[source, destination]], axis=1).astype(np.int16)

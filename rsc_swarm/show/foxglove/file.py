@@ -21,6 +21,7 @@ from protocols.whole_file import whole_file
 from rsc_swarm.flight.events import Event
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.show.foxglove.carried import FATES, carried_in
 from rsc_swarm.show.foxglove.scene import FRAME, Scene
 from world.outlets.judged import findings_of
 
@@ -32,6 +33,10 @@ _DRONE = {
     "agent": _INTEGER, "flying": _TRUTH, "slot": _INTEGER, "x_m": _NUMBER, "y_m": _NUMBER, "vx_mps": _NUMBER,
     "vy_mps": _NUMBER, "speed_mps": _NUMBER, "nearest_m": {"type": ["number", "null"]}, "edge_error": _NUMBER,
 }  # fmt: skip
+_LINK = {
+    "type": "object",
+    "properties": {"source": _INTEGER, "destination": _INTEGER, **dict.fromkeys(FATES, _TRUTH)},
+}
 _FIGURES = {
     "flying": _INTEGER, "worst_edge_error": _NUMBER, "worst_slot_error_m": _NUMBER,
     "nearest_m": {"type": ["number", "null"]}, "mean_speed_mps": _NUMBER,
@@ -74,7 +79,11 @@ class _Mcap:
         self._recorded, self._path = recorded, recorded.path
         self._writer: Any = Writer(file)
         self._channels: dict[str, int] = {}
-        self._drawn = Scene(recorded)
+        self._often, self._seldom = (
+            max(1, round(every / recorded.path.tick_s)) for every in (_EVERY_S, _SCENE_EVERY_S)
+        )
+        self._carried = carried_in(recorded, self._seldom)
+        self._drawn = Scene(recorded, self._carried)
 
     def write(self) -> None:
         """All of it, in the order of time."""
@@ -84,16 +93,15 @@ class _Mcap:
             0, 0, "mission.yaml", "application/yaml", mission_yaml(recorded.mission).encode()
         )
         findings = findings_of(path, recorded.mission)
-        often, seldom = (max(1, round(every / path.tick_s)) for every in (_EVERY_S, _SCENE_EVERY_S))
         events = [*recorded.events]
         for row in range(len(path.slots)):
             last = row == len(path.slots) - 1
             while events and (events[0].tick <= row or last):
                 self._event(events.pop(0))
-            if row % often == 0 or last:
+            if row % self._often == 0 or last:
                 self._poses(row)
                 self._figures(row, findings)
-            if row % seldom == 0 or last:
+            if row % self._seldom == 0 or last:
                 self._scene(row)
         if recorded.report:
             self._json("/report", "rsc_swarm.FlightReport", FlightReport.model_json_schema(), len(path.slots) - 1,
@@ -203,6 +211,9 @@ class _Mcap:
 
     def _scene(self, row: int) -> None:
         self._say("/scene", self._drawn.at(row, self._stamp(row)), row)
+        if self._carried:
+            schema = {"type": "object", "properties": {"links": {"type": "array", "items": _LINK}}}
+            self._json("/links", "rsc_swarm.Links", schema, row, {"links": self._carried.told(row)})
 
 
 def _finite(value: float) -> float | None:

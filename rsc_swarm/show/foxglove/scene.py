@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from protocols.mission.formation import NO_PARENT
 from rsc_swarm.flight.recorded import Recorded
+from rsc_swarm.show.foxglove.carried import Carried
 
 FRAME = "mission"  #: x forward, y left, as in the recording
 _TALL_M, _BALL_M = 2.0, 0.6
@@ -17,8 +18,9 @@ _TALL_M, _BALL_M = 2.0, 0.6
 class Scene:
     """Draws the moments of one flight."""
 
-    def __init__(self, recorded: Recorded) -> None:
-        self._recorded, self._path = recorded, recorded.path
+    def __init__(self, recorded: Recorded, carried: Carried | None = None) -> None:
+        """``carried``: what became of its frames, if that is known."""
+        self._recorded, self._path, self._carried = recorded, recorded.path, carried
         agents = recorded.mission.agents
         self._colours = [
             colorsys.hsv_to_rgb(0.65 * (1 - agent / max(1, agents - 1)), 0.75, 0.85)
@@ -32,7 +34,9 @@ class Scene:
         self._stamp = stamp
         tree = self._lines("tree", row, self._tree(row), (0.1, 0.1, 0.1, 0.9), 0.08)
         radio = self._lines("radio", row, self._links(row), (0.2, 0.5, 0.9, 0.35), 0.03)
-        return SceneUpdate(entities=[*([self._field()] if row == 0 else []), self._drones(row), tree, radio])
+        lost = self._lines("radio_lost", row, self._lost(row), (0.8, 0.2, 0.1, 0.35), 0.03)
+        field = [self._field()] if row == 0 else []
+        return SceneUpdate(entities=[*field, self._drones(row), tree, radio, lost])
 
     def _entity(self, name: str, **parts: Any) -> Any:
         from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
@@ -87,7 +91,9 @@ class Scene:
                 yield agent, holder[int(parent[slot])]
 
     def _links(self, row: int) -> Iterable[tuple[int, int]]:
-        """Drones that are within radio range of each other and not parted."""
+        """Drones of whom one heard the other; where that is not known, those within radio range of each other and not parted."""
+        if self._carried:
+            return sorted({(min(pair), max(pair)) for pair in self._carried.with_fate(row, "carried")})
         mission, path = self._recorded.mission, self._path
         group = _groups(self._recorded, row)
         near = (
@@ -96,6 +102,11 @@ class Scene:
         )
         near &= path.flying[row][:, None] & path.flying[row][None] & (group[:, None] == group[None])
         return [(one, other) for one, other in np.argwhere(np.triu(near, 1)).tolist()]
+
+    def _lost(self, row: int) -> Iterable[tuple[int, int]]:
+        """Drones of whom one did not hear what the other said."""
+        lost = self._carried.with_fate(row, "lost") if self._carried else []
+        return sorted({(min(pair), max(pair)) for pair in lost})
 
 
 def _groups(recorded: Recorded, row: int) -> NDArray[np.int64]:
