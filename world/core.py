@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.kernels import by_reference
+from protocols.kernels import bound, by_reference
 from protocols.mission.document import Mission, MissionError
 from protocols.mission.fault import Fault
 from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
@@ -145,6 +145,7 @@ class WorldCore:
                 self._bound,
             )
         )  # fmt: skip
+        self._perceive = bound(tick.perceive, self._stage)
         self._judgements = [Judgement(mission, both) for mission in missions]
         self._digests = Digests((self.position, self.velocity, self.flying, self.claim, self.tally))
         self._position_in = list(self.position)  # NumPy's own indexing costs more than the rules
@@ -223,7 +224,7 @@ class WorldCore:
 
     def perceive(self) -> Inbox:
         """Fill ``sensed`` with what every flying drone of an active world senses now; return what they hear."""
-        total = tick.perceive(self._stage)
+        total = self._perceive()
         return Inbox(self.inbox_start, self.inbox[:total])
 
     def could_know(self, world: int) -> NDArray[np.int32] | None:

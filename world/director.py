@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
+from protocols.kernels import bound, by_reference
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
 from world.failsafe import CommandAges
 from world.faults import Event
+from world.glance import OTHERS_AWAKE, WRONG_CLAIM, Watch, glance, is_deserted
 from world.invariants import Discredited, Invariants, Watched
 from world.medium.medium import TALLY
 from world.outcome import Flown, Outcome, as_broken
@@ -66,7 +68,10 @@ class Director:
         self.clock = 0
         # Frames of each size, per world; 0 counts those who sent nothing.
         self._sizes = np.zeros((core.shape[0], MAX_FRAME_BYTES + 2), np.int64)
-        self._world_of = np.repeat(np.arange(core.shape[0]), core.shape[1])
+        self._glance = by_reference(
+            Watch(core.active, core.flying, core.responsive, self._says, self._awake, self._sizes)
+        )
+        self._is_deserted = bound(is_deserted, self._glance)
         self._seen: dict[
             int, tuple[np.ndarray, Watched]
         ] = {}  # sizes and what was watched, when it was decided
@@ -85,8 +90,6 @@ class Director:
         if answers is None:
             return self.leave()
         self._watch(answers)
-        sizes = np.minimum(answers.sent_bytes, self._sizes.shape[1] - 1)
-        np.add.at(self._sizes, (self._world_of, sizes), 1)
         ended = core.advance(answers, [watch.one_view for watch in self.invariants])
         self.clock += 1
         ended += self._end()
@@ -123,13 +126,13 @@ class Director:
             if agent not in dict(discredited):
                 self.statuses[row] = status
             self._discredit(world, discredited)
-        awake, claims = core.rows_awake.reshape(core.shape), answers.claim.reshape(core.shape)
-        if (awake != self._awake).any():
-            self._awake, self._living = awake, [np.flatnonzero(world).tolist() for world in awake]
-        wrong = ((claims != self._says) & core.flying).any(axis=1).tolist()
+        claims = answers.claim.reshape(core.shape)
+        seen = glance(answers.sent_bytes, answers.claim, self._glance)
+        if seen & OTHERS_AWAKE:
+            self._living = [np.flatnonzero(world).tolist() for world in self._awake]
         for world in np.flatnonzero(core.active).tolist():
             watch = self.invariants[world]
-            if wrong[world]:
+            if seen & WRONG_CLAIM:
                 self._discredit(world, watch.claims(self.clock, claims[world], core.flying[world]))
             watch.tick(self.clock, self._living[world], core.could_know(world))
 
@@ -138,6 +141,8 @@ class Director:
             self.strike_off(world * self.core.shape[1] + agent, why)
 
     def _end(self) -> list[int]:
+        if not self._is_deserted():
+            return []
         ended: list[int] = np.flatnonzero(self.core.active & ~self.core.flying.any(axis=1)).tolist()
         for world in ended:
             self.core.end(world, "all-lost")

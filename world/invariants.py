@@ -132,14 +132,15 @@ class Invariants:
 
     def _impossible(self, tick: int, agent: int, status: AgentStatus) -> tuple[str, str] | None:
         """What is wrong with this account by itself: the rule it breaks, and how."""
-        view = list(unpack_slots(status.view, len(self._everyone)))
-        if sorted(view) != self._everyone:
-            return "permutation", f"believes {view}"
-        if view[agent] != status.slot:
-            return "slots", f"says it holds slot {status.slot} and believes {view}"
-        if status.heard >= len(view):
-            return "counts", f"hears {status.heard} others"
         since, before = self._account.get(agent, (-1, None))
+        if not before or (status.view, status.slot) != (before.view, before.slot):  # those were looked at
+            view = list(unpack_slots(status.view, len(self._everyone)))
+            if sorted(view) != self._everyone:
+                return "permutation", f"believes {view}"
+            if view[agent] != status.slot:
+                return "slots", f"says it holds slot {status.slot} and believes {view}"
+        if status.heard >= len(self._everyone):
+            return "counts", f"hears {status.heard} others"
         numbers = (*status.swaps, *status.rejected)
         counted = (*before.swaps, *before.rejected) if before else (0,) * len(numbers)
         most = _IN_A_TICK * (tick - since + 1)

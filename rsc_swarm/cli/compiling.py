@@ -28,7 +28,8 @@ from world.director import Director, Swarm
 from world.faults import Event
 from world.outlets.judged import findings_of
 from world.outlets.recorder import Recorder
-from world.server.questions import Questions, empty_frames
+from world.server.questions import Questions
+from world.server.said import Said
 
 _PACKAGES = ("protocols", "agent", "world", "rsc_swarm")
 _TICKS = 3
@@ -83,8 +84,7 @@ def _be_the_world() -> None:
         recorder.record(core)
     findings_of(recorder.trajectory, mission)
     integrate((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 1.0, 1.0, TICK_S)  # of a vehicle that is led
-    agents = core.shape[1]
-    Questions(core, empty_frames(core)).write(0, 0, core.rows_awake, [-1] * agents)
+    Questions(core, Said(core).frames)
 
 
 def _fly(policy: str = "rsc-h20") -> None:
@@ -118,11 +118,11 @@ class _Idle(Swarm):
 
 def _compile(*turns: Sequence[Job]) -> None:
     """Do the jobs of each turn side by side, one turn after the other; what fails elsewhere is done, or raised, here."""
-    with _Bar(len(_loaded())) as bar:
+    with _Bar(_loaded()) as bar:
         for jobs in turns:
             if cache_folder() is None or not _side_by_side(jobs, bar):
                 for job in jobs:
-                    with _telling(bar.one_more):
+                    with _telling(bar.ready):
                         job()
 
 
@@ -137,8 +137,7 @@ def _side_by_side(jobs: Sequence[Job], bar: "_Bar") -> bool:
     writer.close()
     try:
         while True:
-            reader.recv_bytes()
-            bar.one_more()
+            bar.ready(reader.recv_bytes().decode())
     except EOFError:  # all have left
         pass
     finally:
@@ -152,31 +151,35 @@ def _work(job: Job, reader: Connection, writer: Connection) -> None:
     be_worker()
     reader.close()
     try:
-        with _telling(lambda: writer.send_bytes(b"1")):
+        with _telling(lambda name: writer.send_bytes(name.encode())):
             job()
     except Exception:  # whoever waits does it again, and finds out
         sys.exit(1)
 
 
 @contextmanager
-def _telling(one_more: Callable[[], None]) -> Iterator[None]:
-    """Call this for each rule that is compiled. To look for garbage meanwhile would take a quarter of the time."""
+def _telling(ready: Callable[[str], None]) -> Iterator[None]:
+    """Call this with the name of each rule that is compiled. To look for garbage meanwhile would take a quarter of the time."""
     collecting = gc.isenabled()
     gc.disable()
     try:
-        with compiling_watched(lambda rule: one_more()):
+        with compiling_watched(lambda rule: ready(_name_of(rule))):
             yield
     finally:
         if collecting:
             gc.enable()
 
 
-def _loaded() -> set[int]:
-    """The rules of all modules that are loaded and that no other of them calls, by id."""
+def _loaded() -> set[str]:
+    """The names of the rules of all modules that are loaded and that no other of them calls."""
     modules = [module for name, module in sys.modules.items() if name.split(".")[0] in _PACKAGES]
     rules = [rule for module in modules for rule in vars(module).values() if _is_rule(rule)]
     called = {name for rule in rules for name in rule.py_func.__code__.co_names}
-    return {id(rule) for rule in rules if not rule.inlined and rule.__name__ not in called}
+    return {_name_of(rule) for rule in rules if not rule.inlined and rule.__name__ not in called}
+
+
+def _name_of(rule: Kernel) -> str:
+    return f"{rule.__module__}.{rule.__name__}"
 
 
 def _is_rule(thing: Any) -> bool:
@@ -184,10 +187,11 @@ def _is_rule(thing: Any) -> bool:
 
 
 class _Bar:
-    """Counts the rules that are compiled; shown before anything else can be."""
+    """Counts the rules that are compiled; shown before anything else can be. A rule may be compiled more than once, and counts
+    once."""
 
-    def __init__(self, total: int) -> None:
-        self._total, self._ready, self._meter = total, 0, Meter()
+    def __init__(self, rules: set[str]) -> None:
+        self._missing, self._total, self._meter = rules, len(rules), Meter()
 
     def __enter__(self) -> "_Bar":
         self._meter.begin(self._text(), self._total)
@@ -197,11 +201,11 @@ class _Bar:
     def __exit__(self, *_: object) -> None:
         self._meter.close()
 
-    def one_more(self) -> None:
-        """Another rule is compiled."""
-        self._ready += 1
+    def ready(self, name: str) -> None:
+        """This rule is compiled."""
+        self._missing.discard(name)
         if self._meter.due():
-            self._meter.draw(self._ready, self._text())
+            self._meter.draw(self._total - len(self._missing), self._text())
 
     def _text(self) -> str:
-        return f"compiling the rules: {self._ready} of {self._total}"
+        return f"compiling the rules: {self._total - len(self._missing)} of {self._total}"

@@ -89,6 +89,10 @@ class Peer:
         """It is sent a message of ``size`` bytes."""
         self._sent_bytes += size + _OVERHEAD_BYTES
 
+    def owes(self, tick: int) -> bool:
+        """Whether it was asked this and has not answered yet."""
+        return tick in self._open
+
     def answer(self, tick: int, proof: int) -> bool:
         """It answers: whether to a Tick that it has read, and has not answered yet."""
         asked = self._open.get(tick)

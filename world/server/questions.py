@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.kernels import by_reference, inlined_kernel, kernel
+from protocols.kernels import bound, by_reference, inlined_kernel, kernel
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.heard import ENTRY_BYTES
 from protocols.wire.messages import TICK_HEAD, TICK_MARK
@@ -34,10 +34,13 @@ def empty_frames(core: WorldCore) -> Frames:
 class _Desk(NamedTuple):
     """Everything `_write_ticks` works on.
 
-    near_count, obstacle_count, followed: (N,). motion, near, obstacles: (N, ...) bytes as they travel; own position and velocity
-    apart. start, arrived: as world.core.Inbox. bounds: (N + 1,) out: the Tick of drone r is written[bounds[r]:bounds[r + 1]].
+    tick: (2,) and its proof. awake: (N,). near_count, obstacle_count, followed: (N,). motion, near, obstacles: (N, ...) bytes as
+    they travel; own position and velocity apart. start, arrived: as world.core.Inbox. bounds: (N + 1,) out: the Tick of drone r
+    is written[bounds[r]:bounds[r + 1]].
     """
 
+    tick: NDArray[np.int64]
+    awake: NDArray[np.bool_]
     near_count: NDArray[np.int64]
     obstacle_count: NDArray[np.int64]
     position: NDArray[np.uint8]
@@ -63,12 +66,13 @@ def _size_of(row: int, desk: _Desk) -> int:
 
 
 @kernel
-def _write_ticks(tick: int, proof: int, awake: NDArray[np.bool_], desk: _Desk) -> int:
+def _write_ticks(desk: _Desk) -> int:
     """Write a Tick for every awake drone, if there is room for all.
 
     Returns:
         How many bytes they take.
     """
+    tick, proof, awake = desk.tick[0], desk.tick[1], desk.awake
     bounds, out, frames, agents = desk.bounds, desk.written, desk.frames, awake.shape[0]
     bounds[0] = 0
     for row in range(agents):
@@ -107,24 +111,30 @@ class Questions:
     def __init__(self, core: WorldCore, frames: Frames) -> None:
         agents = core.shape[1]
         self._core, self._frames = core, frames
+        self._tick, self._awake = np.zeros(2, np.int64), np.zeros(agents, np.bool_)
         self._followed, self._bounds = np.full(agents, -1), np.zeros(agents + 1, np.int64)
         self._make_room(2000 * agents)
 
     def _make_room(self, size: int) -> None:
         written, core, sensed = np.zeros(size, np.uint8), self._core, self._core.sensed
         self._written = written.data
-        self._desk = by_reference(
+        desk = by_reference(
             _Desk(
-                sensed.near_count, sensed.obstacle_count, _rows_of(sensed.position), _rows_of(sensed.velocity),
-                _rows_of(sensed.near), _rows_of(sensed.obstacles), self._followed, core.inbox_start, core.inbox,
+                self._tick, self._awake, sensed.near_count, sensed.obstacle_count, _rows_of(sensed.position),
+                _rows_of(sensed.velocity), _rows_of(sensed.near), _rows_of(sensed.obstacles), self._followed,
+                core.inbox_start, core.inbox,
                 self._frames, self._bounds, written,
             )
         )  # fmt: skip
+        self._write = bound(_write_ticks, desk)
 
-    def write(self, tick: int, proof: int, awake: NDArray[np.bool_], followed: Sequence[int]) -> list[bytes]:
-        """The Tick of every drone that is ``awake`` (N,), empty for the others; ``followed``: (N,) as in Tick."""
+    def write(self, tick: int, proof: int, awake: Sequence[int], followed: Sequence[int]) -> list[bytes]:
+        """The Tick of every drone that is ``awake``, empty for the others; ``followed``: (N,) as in Tick."""
+        self._tick[:] = tick, proof
+        self._awake[:] = False
+        self._awake[awake] = True
         self._followed[:] = followed
-        while (size := _write_ticks(tick, proof, awake, self._desk)) > len(self._written):
+        while (size := self._write()) > len(self._written):
             self._make_room(2 * size)
         bounds = self._bounds.tolist()
         return [self._written[first:end].tobytes() for first, end in pairwise(bounds)]

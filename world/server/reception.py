@@ -45,6 +45,11 @@ class Reception:
         self.send(agent, messages.Welcome(hello.process, *told))
         return True
 
+    def heard(self, agent: int) -> None:
+        """This drone was heard, so whoever knocked meanwhile is not the drone."""
+        if (rival := self._peers[agent].heard()) is not None:
+            self.refuse(agent, rival)
+
     def refuse(self, agent: int, process: int) -> None:
         """This process is not the drone."""
         if self._peers[agent].process is None:

@@ -1,16 +1,75 @@
 """What the drones have said: their answers to the tick that is flown, and their frames for as long as they can still arrive."""
 
+import secrets
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from protocols.dynamics import ABSURD_MPS2
+from protocols.kernels import bound, by_reference, kernel
 from protocols.wire.frames import MAX_FRAME_BYTES
-from protocols.wire.messages import Reply
-from protocols.wire.rows import bytes_of
+from protocols.wire.messages import MAX_FROM_DRONE, MAX_PROOF, REPLY_HEAD, REPLY_MARK, Reply
+from protocols.wire.rows import as_bytes, bytes_of, get_number, put_bytes
 from protocols.wire.status import AgentStatus
 from world.core import Answers, WorldCore
-from world.server.questions import empty_frames
+from world.server.questions import Frames, empty_frames
+
+_HEAD_BYTES = REPLY_HEAD.size
+
+
+class _Desk(NamedTuple):
+    """What `_take_plain` works on.
+
+    given: (6,) as there. data: what was said. numbers: (2,) m/s^2, for its own use, and the same as bytes. command: (N, 2),
+    sent_bytes, claim: (N,) and frames: as `Said` has them.
+    """
+
+    given: NDArray[np.int64]
+    data: NDArray[np.uint8]
+    numbers: NDArray[np.float64]
+    number_bytes: NDArray[np.uint8]
+    command: NDArray[np.float64]
+    sent_bytes: NDArray[np.int64]
+    claim: NDArray[np.int64]
+    frames: Frames
+
+
+@kernel
+def _take_plain(desk: _Desk) -> bool:
+    """Take the Reply in ``data`` if all is as usual: ``given`` are the drone's number, how many bytes it has said, and, as they
+    are to be, its process, the tick and the proof; last, where frames of this tick lie.
+
+    Returns:
+        Whether it was taken. If not, nothing has been done.
+    """
+    agent, size, process, tick, proof, bucket = (
+        desk.given[0], desk.given[1], desk.given[2], desk.given[3], desk.given[4], desk.given[5],
+    )  # fmt: skip
+    data = desk.data
+    if size < _HEAD_BYTES or data[0] != REPLY_MARK:
+        return False
+    if (
+        get_number(data, 4, 4) != process
+        or get_number(data, 8, 4) != tick
+        or get_number(data, 12, 4) != proof
+    ):
+        return False
+    slot, frame, account = get_number(data, 16, 2), get_number(data, 18, 2), get_number(data, 20, 2)
+    usual = account == 0 and frame <= MAX_FRAME_BYTES and _HEAD_BYTES + frame == size
+    if not usual or slot >= desk.claim.shape[0]:
+        return False
+    put_bytes(desk.number_bytes, 0, data, 24, 16)
+    ax, ay = desk.numbers[0], desk.numbers[1]
+    if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
+        return False
+    desk.command[agent, 0], desk.command[agent, 1] = ax, ay
+    desk.claim[agent] = slot
+    if frame > 0:
+        put_bytes(desk.frames.data[bucket, agent], 0, data, _HEAD_BYTES, frame)
+        desk.frames.size[bucket, agent] = desk.sent_bytes[agent] = frame
+    return True
 
 
 class Said:
@@ -30,12 +89,32 @@ class Said:
         self._sent_bytes_of, self._claim_of = self._sent_bytes.data, self._claim.data
         self._frame_of, self._size_of = bytes_of(self.frames.data), self.frames.size.reshape(-1).data
         self._accounts: list[tuple[int, AgentStatus]] = []
+        given, data, numbers = np.zeros(6, np.int64), np.zeros(MAX_FROM_DRONE, np.uint8), np.zeros(2)
+        self._given, self._into = given.data, data.data
+        desk = _Desk(
+            given, data, numbers, as_bytes(numbers), self.command, self._sent_bytes, self._claim, self.frames
+        )
+        self._take_plain = bound(_take_plain, by_reference(desk))
 
-    def begin(self, tick: int) -> None:
-        """What is said from now on answers to this tick."""
+    def begin(self, tick: int) -> int:
+        """What is said from now on answers to this tick; with the proof that is returned, which nobody can guess."""
         self._first = tick % self._ring * self._agents
+        proof = secrets.randbelow(MAX_PROOF)
+        self._given[3], self._given[4], self._given[5] = tick, proof, tick % self._ring
         self._accounts.clear()
         self._sent_bytes[:] = 0
+        return proof
+
+    def take_plain(self, agent: int, process: int | None, data: bytes) -> bool:
+        """Take at once what this drone, flown by this process, says, if it answers to this tick and gives no account; whether it
+        does."""
+        size = len(data)
+        if size > MAX_FROM_DRONE or process is None:
+            return False
+        given = self._given
+        given[0], given[1], given[2] = agent, size, process
+        self._into[:size] = data
+        return self._take_plain()
 
     def take(self, agent: int, reply: Reply) -> None:
         """This drone answers."""

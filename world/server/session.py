@@ -11,7 +11,6 @@ machine, the world or the whole launch loses anybody. Whoever runs the flight ha
 or nobody.
 """
 
-import secrets
 import time
 from collections.abc import Callable
 from typing import Literal
@@ -72,7 +71,7 @@ class WorldServer(Swarm):
         self._said = Said(self.core)
         self._questions = Questions(self.core, self._said.frames)
         self._farewells: dict[int, AgentStatus] = {}
-        self._now = 0  # the tick
+        self._now = self._proof = 0  # the tick, and its proof
         self._time, self._patience = RunningTime(), Patience(mission.agents, control.watches)
         self._look_at = self._started = self._first_tick_at = self._began = 0.0
         self._failsafe, self._took_s = Failsafe(mission), 0.0  # wall clock, until the flight was decided
@@ -160,8 +159,7 @@ class WorldServer(Swarm):
 
     def ask(self, tick: int, inbox: Inbox) -> Answers | None:
         """What the drones answer to this tick; None if the world is asked to leave."""
-        self._now = tick
-        self._said.begin(tick)
+        self._now, self._proof = tick, self._said.begin(tick)
         self._check_lost()
         awake: list[int] = np.flatnonzero(self.core.rows_awake).tolist()
         if self._clock == "lockstep":
@@ -190,10 +188,8 @@ class WorldServer(Swarm):
     # What the world says.
 
     def _say_tick(self, tick: int, awake: list[int]) -> None:
-        now, proof, peers = self._time.now(), secrets.randbelow(messages.MAX_PROOF), self.peers
-        asked = np.zeros(len(peers), np.bool_)
-        asked[awake] = True
-        written = self._questions.write(tick, proof, asked, [peer.answered for peer in peers])
+        now, proof, peers = self._time.now(), self._proof, self.peers
+        written = self._questions.write(tick, proof, awake, [peer.answered for peer in peers])
         for agent in awake:
             peer, message = peers[agent], written[agent]
             if piped := self._clock == "lockstep" or not self._link.cast(agent, message):
@@ -299,6 +295,11 @@ class WorldServer(Swarm):
     def _take(self, agent: int, data: bytes) -> int | None:
         """Take in a message; return its sender, or None if it was none of a drone of this flight."""
         peer = self.peers[agent]
+        if peer.owes(self._now) and self._said.take_plain(agent, peer.process, data):
+            peer.answer(self._now, self._proof)
+            self._reception.heard(agent)
+            self._heard_bytes += len(data)
+            return agent
         try:
             message = messages.unpack_from_drone(data, self._mission.agents)
         except messages.MessageError:
@@ -314,8 +315,7 @@ class WorldServer(Swarm):
         if message.process != peer.process:
             self._reception.refuse(agent, message.process)
             return None
-        if (rival := peer.heard()) is not None:
-            self._reception.refuse(agent, rival)
+        self._reception.heard(agent)
         if isinstance(message, messages.Reply):
             if answers:
                 self._heard_bytes += len(data)
