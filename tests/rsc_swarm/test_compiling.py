@@ -6,10 +6,12 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-# Compiles one small rule, and prints what the bar shows meanwhile.
+# Compiles one small rule for two kinds of arguments, and prints what the bar shows meanwhile.
 ONE_RULE = """
-from protocols.dynamics import clip_ball
+import numpy as np
+from protocols.kernels import by_reference
 from rsc_swarm.cli import compiling
+from world.glance import Watch, is_deserted
 
 class Shown:
     due = lambda self: True
@@ -18,7 +20,9 @@ class Shown:
     close = lambda self: print("gone")
 
 compiling.Meter = Shown
-compiling._compile([lambda: clip_ball(3.0, 4.0, 10.0)])
+nobody, nothing = np.zeros((1, 1), np.bool_), np.zeros((1, 1), np.int64)
+watch = Watch(nobody[0], nobody, nobody, nothing, nobody, nothing)
+compiling._compile([lambda: (is_deserted(watch), is_deserted(by_reference(watch)))])
 """
 # Flies in several ways, and prints which rules had to be compiled for it.
 FLY = """
@@ -51,7 +55,7 @@ def test_a_bar_counts_the_rules_from_the_first_moment(tmp_path: Path) -> None:
     total, *shown, gone = run("-c", ONE_RULE, HOME=str(tmp_path), XDG_CACHE_HOME="").splitlines()
     rules = int(total.removeprefix("total "))
     assert rules > 10
-    assert shown == [f"{ready} compiling the rules: {ready} of {rules}" for ready in (0, 1)]
+    assert shown == [f"{ready} compiling the rules: {ready} of {rules}" for ready in (0, 1, 1)]
     assert gone == "gone"
 
 
