@@ -24,11 +24,13 @@ from protocols.mission.values import (
     Probability,
     Section,
 )
-from protocols.wire.keys import MAX_AGENTS
+from protocols.wire.endpoints import checked_endpoint
+from protocols.wire.keys import MAX_AGENTS, LinkError
 
 LEAST_SCALE, MOST_SCALE = 0.25, 1.0
 
 _ADDRESS = re.compile(r"(udp|quic|tls|tcp)/(.+):(\d{1,5})")
+_KEY = re.compile(r"([\w.-]+/)*[\w.-]*\{number\}[\w.-]*(/[\w.-]+)*")
 SECRET = ("quic", "tls")
 
 
@@ -135,6 +137,25 @@ class AirRadio(Section):
     )
 
 
+class PositionSource(Section):
+    """Who measures from outside where Crazyflies are: a bridge of a motion capture that puts each position on a key of Zenoh."""
+
+    endpoint: Line = Field(description="where it listens, as Zenoh writes it: tcp/127.0.0.1:7447")
+    key: Line = Field("position/{number}", description="of one drone; {number}: its number")
+
+    @model_validator(mode="after")
+    def _readable(self) -> "PositionSource":
+        try:
+            checked_endpoint(self.endpoint)
+        except LinkError as error:
+            raise ValueError(f"endpoint: {error}") from None
+        if not _KEY.fullmatch(self.key):
+            raise ValueError(
+                f"key: {self.key!r} is no key with the drone's number in it; write position/{{number}}, say"
+            )
+        return self
+
+
 class WorldSpec(Section):
     """Mixed reality: a world (`rsc-swarm world --bodies external`) carries the frames, and adds obstacles nobody can touch."""
 
@@ -184,6 +205,9 @@ class Fleet(Section):
     radio: AirRadio = AirRadio()
     ground: Address | None = Field(None, description="where the operator is reached, as address of a drone")
     world: WorldSpec | None = Field(None, description="for mixed reality; none: drones hear each other")
+    positions: PositionSource | None = Field(
+        None, description="who tells the radio hosts where Crazyflies are; none: they measure it themselves"
+    )
     keys: Line | None = Field(None, description="folder of keys, beside this file; none: all is plain text")
     drones: tuple[DroneSpec, ...]
 

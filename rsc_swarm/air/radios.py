@@ -9,9 +9,10 @@ import sys
 from dataclasses import asdict
 from typing import NamedTuple, NoReturn
 
-from protocols.fleet.document import DroneSpec, FleetError
+from protocols.fleet.document import DroneSpec, FleetError, PositionSource
 from protocols.fleet.plan import Plan
 from protocols.keeper import Limits
+from protocols.wire.endpoints import stays_here
 from protocols.wire.vehicles import dongle_of, host_endpoint
 
 KIND = "crazyflie:"
@@ -19,20 +20,28 @@ MOST_CRAZYFLIES = 3  # that one dongle can lead at 50 Hz
 
 
 class Radio(NamedTuple):
-    """A dongle. drones: number and address (of cflib) of each that it leads. limits: of all."""
+    """A dongle. drones: number and address (of cflib) of each that it leads. limits: of all. positions: who tells where they
+    are; None: nobody.
+    """
 
     dongle: int
     endpoint: str
     drones: tuple[tuple[int, str], ...]
     swarm: str
     limits: Limits
+    positions: PositionSource | None = None
 
     @property
     def settings(self) -> str:
         """As ``python -m rsc_swarm.radiohost`` wants them."""
         limits = asdict(self.limits)
         charges = [{"drone": drone, "uri": uri, "limits": limits} for drone, uri in self.drones]
-        return json.dumps({"swarm": self.swarm, "endpoint": self.endpoint, "charges": charges})
+        settings = {"swarm": self.swarm, "endpoint": self.endpoint, "charges": charges}
+        if self.positions:
+            settings["positions"] = self.positions.endpoint
+            for charge in charges:
+                charge["position_key"] = self.positions.key.replace("{number}", str(charge["drone"]))
+        return json.dumps(settings)
 
     @property
     def doubts(self) -> list[str]:
@@ -65,9 +74,20 @@ def radios_of(plan: Plan) -> tuple[Radio, ...]:
             raise FleetError(
                 f"drones: host: {endpoint} is that of dongle {dongle} and of another; give each its own"
             )
+    positions = plan.fleet.positions
+    if positions and not led:
+        raise FleetError(
+            "positions: no drone of this fleet is a Crazyflie, and autopilots are told where they are by a program of yours; "
+            "leave it out"
+        )
+    if positions and not plan.fleet.radio.plain_text and not stays_here(positions.endpoint):
+        raise FleetError(
+            f"positions.endpoint: {positions.endpoint} is plain text or of a stranger, and who changes it on the way flies the "
+            "Crazyflies astray: let the bridge run on this machine, or write radio: {plain_text: true} on a network of your own"
+        )
     limits = Limits(braking_mps2=0.5 * plan.acceleration_mps2)
     return tuple(
-        Radio(dongle, endpoint, tuple(drones), plan.mission.swarm, limits)
+        Radio(dongle, endpoint, tuple(drones), plan.mission.swarm, limits, positions)
         for (dongle, endpoint), drones in sorted(led.items())
     )
 

@@ -31,6 +31,7 @@ class ChargeSettings(BaseModel):
     drone: Annotated[int, Field(ge=0, lt=250)]
     uri: str
     limits: Limits = Limits()
+    position_key: str | None = None
 
 
 class Settings(BaseModel):
@@ -41,6 +42,7 @@ class Settings(BaseModel):
     endpoint: str
     charges: Annotated[list[ChargeSettings], Field(min_length=1)]
     cache: Path = _CACHE
+    positions: str | None = None
 
 
 def main(text: str) -> ExitCode:
@@ -67,10 +69,12 @@ def main(text: str) -> ExitCode:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, leave)
-    charges = [Charge(one.drone, one.uri, one.limits) for one in settings.charges]
+    charges = [Charge(one.drone, one.uri, one.limits, one.position_key) for one in settings.charges]
     try:
         settings.cache.mkdir(parents=True, exist_ok=True)
-        with RadioHost(settings.swarm, settings.endpoint, charges, settings.cache) as host:
+        with RadioHost(
+            settings.swarm, settings.endpoint, charges, settings.cache, settings.positions
+        ) as host:
             host.open()
             ready.set()
             print(f"radio host: {len(charges)} at {settings.endpoint}, ready", file=sys.stderr, flush=True)

@@ -33,11 +33,15 @@ _LOOK_S = 0.05
 
 @dataclass(frozen=True)
 class Charge:
-    """A Crazyflie that is in this host's care: the drone that it is the vehicle of, and its cflib address."""
+    """A Crazyflie that is in this host's care: the drone that it is the vehicle of, and its cflib address.
+
+    position_key: on which the source of positions tells where it is; None: nobody does.
+    """
 
     drone: int
     uri: str
     limits: Limits
+    position_key: str | None = None
 
 
 class Care:
@@ -135,14 +139,19 @@ class Care:
 
 
 class RadioHost(Closing):
-    """Listens at ``endpoint`` for the drones of ``swarm``, and keeps its charges.
+    """Listens at ``endpoint`` for the drones of ``swarm``, and keeps its charges; at ``positions`` somebody tells where they are.
 
     Raises:
         protocols.wire.keys.LinkError: it cannot listen there.
     """
 
     def __init__(
-        self, swarm: str, endpoint: str, charges: Sequence[Charge], cache: Path | None = None
+        self,
+        swarm: str,
+        endpoint: str,
+        charges: Sequence[Charge],
+        cache: Path | None = None,
+        positions: str | None = None,
     ) -> None:
         self._session = _listen(endpoint)
         self._cares = {
@@ -153,6 +162,10 @@ class RadioHost(Closing):
         self._flying: dict[str, float] = {}
         self._session.declare_subscriber(vehicles.order_key(swarm, None), self._hear)
         self._session.declare_subscriber(vehicles.fix_key(swarm, None), self._fix)
+        self._source = _look_for(positions) if positions else None
+        for charge in charges:
+            if self._source and charge.position_key:
+                self._source.declare_subscriber(charge.position_key, partial(self._place, charge.drone))
 
     def open(self, timeout_s: float = 60.0) -> None:
         """Reach all charges.
@@ -210,15 +223,32 @@ class RadioHost(Closing):
 
     def _fix(self, sample: zenoh.Sample) -> None:
         with suppress(VehicleMessageError):
-            care = self._cares.get(vehicles.drone_of(str(sample.key_expr)))
-            if care:
+            self._place(vehicles.drone_of(str(sample.key_expr)), sample)
+
+    def _place(self, drone: int, sample: zenoh.Sample) -> None:
+        with suppress(VehicleMessageError):
+            if care := self._cares.get(drone):
                 care.heard.put(vehicles.unpack_fix(sample.payload.to_bytes()))
 
     def close(self) -> None:
         self._each(Line.close)
         self._warden.dismiss()
-        with suppress(zenoh.ZError):
-            self._session.close()
+        for session in filter(None, (self._session, self._source)):
+            with suppress(zenoh.ZError):
+                session.close()
+
+
+def _look_for(endpoint: str) -> zenoh.Session:
+    """A session that finds who is there, now or later."""
+    settings: dict[str, Any] = {
+        "mode": "peer", "listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False, "scouting/multicast/enabled": False, "scouting/gossip/enabled": False,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 1.5},
+    }  # fmt: skip
+    try:
+        return zenoh.open(filled(zenoh.Config(), settings))
+    except zenoh.ZError as error:
+        raise LinkError(f"positions: cannot look for {endpoint}; it reads tcp/127.0.0.1:7447, say") from error
 
 
 def _listen(endpoint: str) -> zenoh.Session:

@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import pytest
@@ -17,7 +18,7 @@ from protocols.wire.vehicles import host_endpoint, pack_fix
 from rsc_swarm.radiohost.host import Charge, RadioHost
 from rsc_swarm.radiohost.line import Line, LineError, init_drivers
 from tests.fakes.crazyflie import FakeCrazyflie, Stage
-from tests.fakes.udp import Wires
+from tests.fakes.udp import Wires, free_ports
 from tests.radiohost.hosting import hosting
 
 BRISK = Limits(climb_mps=1.0, sink_mps=0.7)
@@ -26,6 +27,7 @@ PATIENT = Limits(
 )  # this process may have to wait for its turn
 HEIGHT = 0.6
 DONGLE, OTHER_DONGLE, NO_DONGLE = 71, 72, 73
+SOURCE = f"tcp/127.0.0.1:{free_ports(1)[0]}"
 
 
 class Led(Closing):
@@ -88,7 +90,8 @@ def room() -> Iterator[Room]:
         charges = [
             Charge(drone, f"udp://127.0.0.1:{port}", limits[drone]) for drone, port in enumerate(wires.ports)
         ]
-        with RadioHost("rsc", host_endpoint(DONGLE), charges) as host:
+        charges[3] = replace(charges[3], position_key="mocap/cf3")
+        with RadioHost("rsc", host_endpoint(DONGLE), charges, positions=SOURCE) as host:
             host.open()
             over = threading.Event()
             thread = threading.Thread(target=host.run, args=[over.is_set])
@@ -179,6 +182,23 @@ def test_one_that_is_told_where_it_is_says_when_it_is_told_no_more(room: Room) -
         )
         assert told.vehicle.state().age_s < 1.0
         told.until(lambda state: 0.5 < state.age_s < 10.0 and len(state.health) == 1)
+
+
+def test_one_is_told_where_it_is_by_the_source_that_the_fleet_file_names(room: Room) -> None:
+    """The bridge is started after the radio host, says rubbish, and speaks of others, too."""
+    import zenoh
+
+    told, config = room.told, zenoh.Config()
+    config.insert_json5("listen/endpoints", f'["{SOURCE}"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as bridge:
+
+        def tell() -> None:
+            bridge.put("mocap/cf3", b"rubbish")
+            bridge.put("mocap/cf4", pack_fix((9.0, 9.0, 9.0)))
+            bridge.put("mocap/cf3", pack_fix((1.5, 2.0, 0.5)))
+
+        told.until(lambda state: state.health == () and math.dist(state.p, (1.5, 2.0, 0.5)) < 0.01, tell)
 
 
 def test_when_the_radio_host_is_killed_its_warden_lands_who_flies() -> None:

@@ -18,10 +18,10 @@ ROOT = Path(__file__).parents[3]
 ROOM = yaml.safe_load((ROOT / "examples" / "room.yaml").read_text())
 
 
-def plan(folder: Path, *changes: dict[str, Any]) -> Plan:
-    """The fleet of the example, with other drones."""
+def plan(folder: Path, *changes: dict[str, Any], **fields: Any) -> Plan:
+    """The fleet of the example, with other drones and ``fields``."""
     drones = [drone | change for drone, change in zip(ROOM["drones"], changes, strict=True)]
-    (folder / "fleet.yaml").write_text(yaml.safe_dump(ROOM | {"drones": drones}))
+    (folder / "fleet.yaml").write_text(yaml.safe_dump(ROOM | {"drones": drones} | fields))
     return read_plan(folder / "fleet.yaml")
 
 
@@ -41,6 +41,35 @@ def test_a_dongle_leads_those_whose_addresses_name_it(tmp_path: Path) -> None:
     assert settings["swarm"] == "rsc"
     assert settings["charges"][1]["drone"] == 4
     assert settings["charges"][1]["limits"]["braking_mps2"] == fleet.acceleration_mps2 / 2
+
+
+def test_the_radio_hosts_know_who_tells_where_their_crazyflies_are(tmp_path: Path) -> None:
+    source = {"endpoint": "tcp/127.0.0.1:7447", "key": "mocap/cf{number}/place"}
+    fleet = plan(tmp_path, *[crazyflie(number, number // 3) for number in range(6)], positions=source)
+    settings = json.loads(radios_of(fleet)[1].settings)
+    assert settings["positions"] == "tcp/127.0.0.1:7447"
+    assert [charge["position_key"] for charge in settings["charges"]] == [
+        f"mocap/cf{n}/place" for n in (3, 4, 5)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("source", "body", "why"),
+    [
+        ({"endpoint": "nowhere"}, "crazyflie", "positions: endpoint: 'nowhere' is not an endpoint"),
+        ({"endpoint": "tcp/127.0.0.1:1", "key": "mocap"}, "crazyflie", "key: 'mocap' is no key with the drone's number"),
+        ({"endpoint": "tcp/127.0.0.1:1", "key": "**/{number}"}, "crazyflie", "positions: key: .* is no key"),
+        ({"endpoint": "tcp/10.0.0.9:1"}, "crazyflie", "positions.endpoint: tcp/10.0.0.9:1 is plain text"),
+        ({"endpoint": "tcp/127.0.0.1:1"}, "point", "positions: no drone of this fleet is a Crazyflie"),
+    ],
+    ids=["no endpoint", "one key for all", "a key of stars", "plain text", "nobody to be told"],
+)  # fmt: skip
+def test_a_source_of_positions_that_cannot_be(
+    tmp_path: Path, source: dict[str, str], body: str, why: str
+) -> None:
+    bodies = [crazyflie(number) if body == "crazyflie" else {} for number in range(6)]
+    with pytest.raises(FleetError, match=why):
+        radios_of(plan(tmp_path, *bodies, positions=source))
 
 
 def test_the_six_of_the_example_have_two_dongles() -> None:
