@@ -1,8 +1,9 @@
 """``rsc-swarm bench --against DIR``: the code here beside another checkout's, flown in turn.
 
 A machine's speed wanders, so each pair is flown one right after the other, every second pair the other way round, and what
-counts is the median of the pairs' ratios. CPU time and context switches are counted over all processes of a launch, in the last
-four fifths of its flight; they wander less than times do.
+counts is the median of the pairs' ratios. Before each pair comes the bare echo (rsc_swarm.bench.echo) of messages as long as
+those of 25 drones, here only: what talking alone costs, less than which no flight can. CPU time and context switches are counted
+over all processes, in the last four fifths of a flight; they wander less than times do.
 """
 
 import json
@@ -23,6 +24,16 @@ from protocols.errors import BrokenError
 
 _LOOK_S = 0.1
 _SHARE = 0.8  # of the flight, its end: by then all has been loaded
+ECHO = "bare echo"
+_ECHO_UP_BYTES, _ECHO_DOWN_BYTES, _ECHO_TICKS = 201, 673, 2000
+_ECHO = f"""
+import json, sys
+from pathlib import Path
+from rsc_swarm.bench.echo import bare_echo
+rate = bare_echo(int(sys.argv[1]), {_ECHO_UP_BYTES}, {_ECHO_DOWN_BYTES}, {_ECHO_TICKS})
+told = {{"real_time_factor": rate * {TICK_S}, "time_s": {_ECHO_TICKS * TICK_S}}}
+Path(sys.argv[2]).write_text(json.dumps(told))
+"""
 
 
 class AgainstError(BrokenError, RuntimeError):
@@ -56,7 +67,7 @@ def against(
     pairs: int,
     say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, dict[str, list[Cost]]]:
-    """Fly ``pairs`` pairs of launches by each policy; what they cost, by policy, ``here`` and ``there``.
+    """Fly ``pairs`` pairs of launches by each policy; what they cost, by policy, ``here`` and ``there``, and `ECHO` ``here``.
 
     Raises:
         AgainstError: ``other`` is no checkout, or a launch broke.
@@ -70,7 +81,10 @@ def against(
         for policy in policies:
             _fly(folder, agents, policy, 0)
     costs: dict[str, dict[str, list[Cost]]] = {policy: {side: [] for side in sides} for policy in policies}
+    costs[ECHO] = {"here": []}
     for pair in range(pairs):
+        say(f"pair {pair + 1} of {pairs}, {ECHO}")
+        costs[ECHO]["here"].append(_fly(here, agents, ECHO, pair))
         for policy in policies:
             say(f"pair {pair + 1} of {pairs}, {policy}")
             for side in (*sides,)[:: -1 if pair % 2 else 1]:
@@ -87,27 +101,23 @@ def render(costs: dict[str, dict[str, list[Cost]]], agents: int) -> str:
     }  # fmt: skip
     for policy, sides in costs.items():
         for field, name in names.items():
-            here, there = ([getattr(cost, field) for cost in sides[side]] for side in ("here", "there"))
-            ratio = median(one / two for one, two in zip(here, there, strict=True))
-            lines.append(f"{policy:10s} {name:32s}{median(here):10.4g}{median(there):10.4g}{ratio:15.2f}")
+            by_side = {side: [getattr(cost, field) for cost in flown] for side, flown in sides.items()}
+            line = f"{policy:10s} {name:32s}" + "".join(f"{median(side):10.4g}" for side in by_side.values())
+            if len(by_side) == 2:
+                ratio = median(one / two for one, two in zip(*by_side.values(), strict=True))
+                line += f"{ratio:15.2f}"
+            if any(by_side["here"]):  # an echo's memory is not looked at
+                lines.append(line)
     return "\n".join(lines)
 
 
 def _fly(folder: Path, agents: int, policy: str, map_seed: int) -> Cost:
-    """One launch of the checkout in ``folder``."""
+    """One launch, or bare echo, of the checkout in ``folder``."""
     with tempfile.TemporaryDirectory(prefix="rsc-swarm-bench-") as name:
         report = Path(name) / "report.json"
-        command = [
-            sys.executable,
-            "-m",
-            "rsc_swarm",
-            "launch",
-            "--agents",
-            str(agents),
-            "--map",
-            str(map_seed),
-        ]
-        command += ["--policy", policy, "--json", str(report)]
+        launch = f"-m rsc_swarm launch --agents {agents} --map {map_seed} --policy {policy} --json".split()
+        words = ["-c", _ECHO, str(agents)] if policy == ECHO else launch
+        command = [sys.executable, *words, str(report)]
         environment = {**os.environ, "PYTHONPATH": str(folder)}
         with subprocess.Popen(
             command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True

@@ -32,3 +32,8 @@ def test_the_ratio_is_that_of_the_pairs() -> None:
     lines = render({"analytic": {"here": here, "there": there}}, 25).splitlines()
     assert lines[1].split() == ["analytic", "x", "real", "time", "3", "1.5", "2.00"]
     assert lines[2].split()[-1] == "0.50"
+
+
+def test_what_talking_alone_costs_stands_beside() -> None:
+    (_, *lines) = render({"bare echo": {"here": [Cost(4.0, 900.0, 100.0, 90.0, 0.0)]}}, 25).splitlines()
+    assert [line.split()[-1] for line in lines] == ["4", "900", "100", "90"], "nothing to compare it with"
