@@ -60,6 +60,18 @@ flights of each row again, failed ones and others, and says which rows still com
 """
 
 
+_BEFORE = {  # what stands on the page before a table
+    "letter": """Where our figures and the paper's part, and by what: from its control to the letter to ours, one change at a
+time. What follows from it is in [paper.md](paper.md#every-miss-explained).
+
+![How flights end, from the letter to ours, in both orders](letter.png)
+
+*`rsc-swarm plot --letter docs/results/table-letter.json --out docs/letter.png`. Black: the 95 % interval of the success.*
+
+"""
+}
+
+
 def markdown(result: TableResult) -> str:
     """The table and its legend."""
     lines = cells(result)
@@ -85,6 +97,7 @@ def page(results: list[TableResult]) -> str:
     """All tables on one page of documentation."""
     heads = [
         f"## {'Table ' if result.table.isdigit() else ''}{result.table}: {result.title}\n\n"
+        f"{_BEFORE.get(result.table, '')}"
         for result in results
     ]
     return "\n".join([_PAGE, *(head + markdown(result) for head, result in zip(heads, results, strict=True))])
