@@ -45,7 +45,8 @@ def main() -> None:
                 share = (sum(one.cpu_times()[:2]) - earlier) / taken
                 memory = one.memory_full_info().pss / 1e6
                 print(f"{kind:33s} {100 * share:4.1f} % of a core, {memory:3.0f} MB")
-            print(operator.communicate()[0].strip())
+            operator.wait()
+            print(fleet.told.strip())
 
 
 if __name__ == "__main__":
