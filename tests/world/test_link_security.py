@@ -9,8 +9,8 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -97,17 +97,14 @@ def test_each_of_two_locks_alone_keeps_an_agent_from_hearing_another(
         assert_deaf(world, endpoint, "client")
 
 
-@pytest.mark.parametrize("flooded", [False, True], ids=["alone", "amid a flood"])
 def test_a_link_that_reads_nothing_is_cut_and_the_world_goes_on(
-    world: WorldLink, endpoint: str, monkeypatch: pytest.MonkeyPatch, flooded: bool
+    world: WorldLink, endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its pipe fills, and the world would wait for it for ever in the middle of a send; even while Zenoh waits for the world to
-    read what it is flooded with."""
+    """Its pipe fills, and the world would wait for it for ever in the middle of a send."""
     cuts: list[None] = []
     monkeypatch.setattr(pipes, "LOOK_S", 0.05)
     monkeypatch.setattr(pipes, "cut_fullest_pipe", lambda cut=pipes.cut_fullest_pipe: cuts.append(cut()))
-    flood = flooding(world, endpoint, 2) if flooded else nullcontext()
-    with AgentLink(endpoint, LOGINS[0]) as honest, deaf(world, endpoint, 1), flood:
+    with AgentLink(endpoint, LOGINS[0]) as honest, deaf(world, endpoint, 1):
         deadline = time.monotonic() + 60.0
         while not cuts:  # how much a pipe holds is the machine's affair
             assert time.monotonic() < deadline
@@ -120,37 +117,18 @@ def test_a_link_that_reads_nothing_is_cut_and_the_world_goes_on(
 
 @contextmanager
 def deaf(world: WorldLink, endpoint: str, agent: int) -> Iterator[None]:
-    """An agent that is heard and then reads nothing: it is stopped."""
-    with apart(listen_and_speak, world, endpoint, agent) as process:
-        os.kill(process, signal.SIGSTOP)
-        yield
-
-
-@contextmanager
-def flooding(world: WorldLink, endpoint: str, agent: int) -> Iterator[None]:
-    """An agent that says as much as the world lets it."""
-    with apart(flood, world, endpoint, agent):
-        time.sleep(0.5)
-        yield
-
-
-@contextmanager
-def apart(doing: Callable[[str, Login], None], world: WorldLink, endpoint: str, agent: int) -> Iterator[int]:
-    """An agent in a process of its own, which has that number, from when it is heard on."""
-    process = multiprocessing.get_context("spawn").Process(target=doing, args=(endpoint, LOGINS[agent]))
+    """An agent that is heard and then reads nothing: it is stopped, and in a process of its own."""
+    process = multiprocessing.get_context("spawn").Process(
+        target=listen_and_speak, args=(endpoint, LOGINS[agent])
+    )
     process.start()
     try:
         assert world.receive(60.0) == (agent, b"here")
-        yield process.pid or 0
+        os.kill(process.pid or 0, signal.SIGSTOP)
+        yield
     finally:
         process.kill()
         process.join()
-
-
-def flood(endpoint: str, login: Login) -> None:
-    with AgentLink(endpoint, login) as link:
-        while True:
-            link.send(b"here")
 
 
 def listen_and_speak(endpoint: str, login: Login) -> None:

@@ -177,7 +177,7 @@ class WorldLink(Closing):
         except BaseException:
             self._session.close()
             raise
-        self._lookout, self._beat = Lookout(self._drop_waiting), Beat(_BEAT_S, self._wake)
+        self._lookout, self._beat = Lookout(), Beat(_BEAT_S, self._wake)
 
     def send(self, agent: int, payload: bytes) -> None:
         """Send to one agent. An agent that is not connected does not get it, now or later."""
@@ -207,10 +207,6 @@ class WorldLink(Closing):
     def _put_in(self, key: str, message: bytes) -> None:
         with suppress(zenoh.ZError):  # closed meanwhile
             self._session.put(key, message, allowed_destination=zenoh.Locality.SESSION_LOCAL)
-
-    def _drop_waiting(self) -> None:
-        while self._heard.try_recv() is not None:
-            pass
 
     def turned_away(self, agent: int) -> int:
         """Messages of this agent so far that were too long."""

@@ -2,7 +2,7 @@
 
 Writing into a socket waits while its pipe is full, and Zenoh knows no limit for that. A drone is sent no more than it has shown
 to have read (world.server.peer); but a login may open several links, read one of them and leave the others to fill. So a thread
-looks on: where one send does not end, the fullest pipe is cut, and the send ends. What is dropped for that is asked for again.
+looks on: where one send does not end, the fullest pipe is cut, and the send ends.
 """
 
 import fcntl
@@ -12,22 +12,19 @@ import stat
 import struct
 import termios
 import threading
-from collections.abc import Callable
 
-# So many looks find the same send: it does not end. A process that is stopped does not look.
-LOOK_S, LOOKS = 0.5, 8
-_FREE_S, _FREE_LOOKS = 0.02, 50
+LOOK_S, LOOKS = (
+    0.5,
+    8,
+)  # so many looks find the same send: it does not end. A process that is stopped does not look.
 _FULL_BYTES = 50_000  # a pipe with less in it is not what a send waits for
 
 
 class Lookout:
     """Looks on while it is open. ``sending``: the number of the send that is under way, else None."""
 
-    def __init__(self, drop_waiting: Callable[[], object]) -> None:
-        """``drop_waiting``: drops all that waits to be read. Zenoh's reading thread may wait for it to be, and it is that thread
-        which learns of the cut."""
+    def __init__(self) -> None:
         self.sending: int | None = None
-        self._drop_waiting = drop_waiting
         self._over = threading.Event()
         threading.Thread(target=self._look, daemon=True).start()
 
@@ -45,10 +42,6 @@ class Lookout:
             if seen >= LOOKS:
                 seen = 0
                 cut_fullest_pipe()
-                for _ in range(_FREE_LOOKS):
-                    if self.sending != now or self._over.wait(_FREE_S):
-                        break
-                    self._drop_waiting()
 
 
 def cut_fullest_pipe() -> None:
