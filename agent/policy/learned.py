@@ -20,13 +20,13 @@ from agent.policy.learned_kernel import (
     empty_history,
     empty_plans,
     empty_question,
+    fly_planned,
     fly_plans,
     fly_quickly,
-    see_quickly,
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, note_of, read_model
-from agent.quick import RARE, Quick
+from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.dynamics import TICK_S
 from protocols.kernels import bound, by_reference
@@ -106,18 +106,16 @@ class Learned(Compiled):
     def quickly(self, quick: Quick) -> Callable[[], int]:
         displacement, acceleration = (np.zeros_like(self._plans.displacement) for _ in _OUTPUTS)
         outputs = dict(zip(_OUTPUTS, (displacement, acceleration), strict=True))
-        see = bound(see_quickly, quick, self._planner)
+        begin = bound(fly_quickly, quick, self._planner)
         plan = session.bound(self._session, self._asked(0, 1), outputs)
-        end = bound(fly_quickly, quick, self._planner)
+        end = bound(fly_planned, quick, self._planner, displacement, acceleration)
 
         def fly() -> int:
-            tick = see()
-            if tick == RARE:
-                return RARE
-            if tick <= DUE:
+            size = begin()
+            if size == DUE:
                 plan()
-                take_plans(DUE - tick, 0, quick.arrays, self._planner, displacement, acceleration)
-            return end()
+                size = end()
+            return size
 
         return fly
 

@@ -14,8 +14,9 @@ from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
+from protocols.wire.sensed import Sensed
 
-DUE = -2  # and less: a plan is due
+DUE = -2  # for a plan
 
 
 class History(NamedTuple):
@@ -214,17 +215,16 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
     return due
 
 
-@kernel
-def take_plans(
+@inlined_kernel
+def _take(
     tick: int,
     first: int,
-    arrays: TickArrays,
+    sensed: Sensed,
     planner: Planner,
     displacement: NDArray[np.float32],
     acceleration: NDArray[np.float32],
 ) -> None:
-    """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    sensed, plans, asked = arrays.sensed, planner.plans, planner.question.row
+    plans, asked = planner.plans, planner.question.row
     for place in range(displacement.shape[0]):
         row = asked[first + place]
         plans.made_at[row] = tick
@@ -238,24 +238,42 @@ def take_plans(
 
 
 @kernel
+def take_plans(
+    tick: int,
+    first: int,
+    arrays: TickArrays,
+    planner: Planner,
+    displacement: NDArray[np.float32],
+    acceleration: NDArray[np.float32],
+) -> None:
+    """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
+    _take(tick, first, arrays.sensed, planner, displacement, acceleration)
+
+
+@kernel
 def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
     """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
     _fly(tick, arrays, planner)
 
 
 @kernel
-def see_quickly(quick: Quick, planner: Planner) -> int:
-    """The first half of a drone's whole tick (agent.quick): the tick, or `RARE`; `DUE` minus the tick where the model is to be
-    asked before `fly_quickly`. In halves, so that each is compiled once, with a plan between them or without."""
+def fly_quickly(quick: Quick, planner: Planner) -> int:
+    """A drone's whole tick (agent.quick); `DUE` where the model is to be asked, and `fly_planned` comes after that."""
     tick = begin_tick(quick)
     if tick < 0:
         return RARE
-    return tick if _ask(tick, quick.arrays, planner) == 0 else DUE - tick
+    if _ask(tick, quick.arrays, planner) > 0:
+        return DUE
+    _fly(tick, quick.arrays, planner)
+    return end_tick(tick, quick)
 
 
 @kernel
-def fly_quickly(quick: Quick, planner: Planner) -> int:
-    """The other half: the Reply's size, or `RARE`."""
+def fly_planned(
+    quick: Quick, planner: Planner, displacement: NDArray[np.float32], acceleration: NDArray[np.float32]
+) -> int:
+    """The rest of a drone's tick, with the plan that the model has made in it: as `take_plans`."""
     tick = tick_of(quick)
+    _take(tick, 0, quick.arrays.sensed, planner, displacement, acceleration)
     _fly(tick, quick.arrays, planner)
     return end_tick(tick, quick)
