@@ -18,6 +18,7 @@ _INTERNAL = {
     "BeaconError",
     "IllegalSwap",
     "MessageError",
+    "NatureError",
     "OperatorError",
     "VehicleMessageError",
     "_Breaks",

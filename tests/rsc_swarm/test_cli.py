@@ -149,7 +149,7 @@ def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
         ("keys /proc/new", "/proc/new: cannot be made"),
         ("keys x --world 10.0.0.1:7447", "'10.0.0.1:7447' is not an address of the world: give"),
         ("keys x --swarm a/b", "'a/b' is not a swarm name"),
-        ("world", "missing option '--listen'"),
+        ("world", "invalid value: give --listen, where drones reach it"),
         ("nonsense", "no such command 'nonsense'"),
     ],
 )
