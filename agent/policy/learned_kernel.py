@@ -14,7 +14,6 @@ from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
-from protocols.wire.sensed import Sensed
 
 DUE = -2  # for a plan
 
@@ -215,28 +214,6 @@ def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
     return due
 
 
-@inlined_kernel
-def _take(
-    tick: int,
-    first: int,
-    sensed: Sensed,
-    planner: Planner,
-    displacement: NDArray[np.float32],
-    acceleration: NDArray[np.float32],
-) -> None:
-    plans, asked = planner.plans, planner.question.row
-    for place in range(displacement.shape[0]):
-        row = asked[first + place]
-        plans.made_at[row] = tick
-        for axis in range(2):
-            plans.start[row, axis] = sensed.position[row, axis]
-            plans.start[row, 2 + axis] = sensed.velocity[row, axis]
-        for step in range(displacement.shape[1]):
-            for axis in range(2):
-                plans.displacement[row, step, axis] = displacement[place, step, axis]
-                plans.acceleration[row, step, axis] = acceleration[place, step, axis]
-
-
 @kernel
 def take_plans(
     tick: int,
@@ -247,7 +224,17 @@ def take_plans(
     acceleration: NDArray[np.float32],
 ) -> None:
     """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
-    _take(tick, first, arrays.sensed, planner, displacement, acceleration)
+    sensed, plans, asked = arrays.sensed, planner.plans, planner.question.row
+    for place in range(displacement.shape[0]):
+        row = asked[first + place]
+        plans.made_at[row] = tick
+        for axis in range(2):
+            plans.start[row, axis] = sensed.position[row, axis]
+            plans.start[row, 2 + axis] = sensed.velocity[row, axis]
+        for step in range(displacement.shape[1]):
+            for axis in range(2):
+                plans.displacement[row, step, axis] = displacement[place, step, axis]
+                plans.acceleration[row, step, axis] = acceleration[place, step, axis]
 
 
 @kernel
@@ -274,6 +261,6 @@ def fly_planned(
 ) -> int:
     """The rest of a drone's tick, with the plan that the model has made in it: as `take_plans`."""
     tick = tick_of(quick)
-    _take(tick, 0, quick.arrays.sensed, planner, displacement, acceleration)
+    take_plans(tick, 0, quick.arrays, planner, displacement, acceleration)
     _fly(tick, quick.arrays, planner)
     return end_tick(tick, quick)

@@ -10,6 +10,7 @@ import time
 
 from agent.air.contacts import Contacts, mover_of, tick_of
 from agent.air.peers import OPERATOR, Said, drone_of
+from protocols.dynamics import TICKS_PER_S
 from protocols.fleet.plan import Plan
 from protocols.mission.document import Mission, MissionError, parse_mission
 from protocols.wire.beacon import BeaconError, record_of, unpack_beacon
@@ -45,11 +46,9 @@ def mixed_mission(plan: Plan, asked: Mission) -> Mission:
     fields["radio"] |= {name: other["radio"][name] for name in _WORLDS}
     discs = [*plan.mission_obstacles, *map(plan.in_mission, plan.virtual_obstacles)]
     fields |= {name: other[name] for name in ("faults", "seed", "success", "hold_s")}
-    fields |= {"obstacles": fields["obstacles"] | {"discs": discs}, "time_limit_s": plan.ticks / 100}
-    fields["start"] = {
-        "radius_m": 0.0,
-        "gap_m": fields["limits"]["collision_m"],
-    }  # they stand where the fleet file has them
+    fields |= {"obstacles": fields["obstacles"] | {"discs": discs}, "time_limit_s": plan.ticks / TICKS_PER_S}
+    # They stand where the fleet file has them.
+    fields["start"] = {"radius_m": 0.0, "gap_m": fields["limits"]["collision_m"]}
     return parse_mission(fields, f"mission {asked.name}")
 
 

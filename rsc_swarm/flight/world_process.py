@@ -44,10 +44,8 @@ class PipeControl:
     watches = True
 
     def __init__(self, pipe: Connection, leaving: Callable[[], bool]) -> None:
-        self._pipe, self._said = (
-            pipe,
-            select.poll(),
-        )  # looked at every tick: the pipe's own poll costs twenty times this
+        self._pipe = pipe
+        self._said = select.poll()  # looked at every tick: the pipe's own poll costs twenty times this
         self._said.register(pipe.fileno(), select.POLLIN)
         self._asked, self._alone = leaving, False
         self._pid: dict[int, int] = {}

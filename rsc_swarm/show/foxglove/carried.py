@@ -20,9 +20,11 @@ class Carried:
         self._links = links
 
     def with_fate(self, row: int, fate: str) -> list[tuple[int, int]]:
-        """From whom to whom frames met this fate."""
-        links = self._links[row]
-        return [(a, b) for a, b, bits in links.tolist() if bits >> FATES.index(fate) & 1]
+        """Between whom frames met this fate, in whichever direction: each pair once, in order, the lower number first."""
+        place = FATES.index(fate)
+        return sorted(
+            {(min(a, b), max(a, b)) for a, b, bits in self._links[row].tolist() if bits >> place & 1}
+        )
 
     def told(self, row: int) -> list[dict[str, Any]]:
         """The same as plain fields."""

@@ -93,7 +93,7 @@ class Scene:
     def _links(self, row: int) -> Iterable[tuple[int, int]]:
         """Drones of whom one heard the other; where that is not known, those within radio range of each other and not parted."""
         if self._carried:
-            return sorted({(min(pair), max(pair)) for pair in self._carried.with_fate(row, "carried")})
+            return self._carried.with_fate(row, "carried")
         mission, path = self._recorded.mission, self._path
         group = _groups(self._recorded, row)
         near = (
@@ -105,8 +105,7 @@ class Scene:
 
     def _lost(self, row: int) -> Iterable[tuple[int, int]]:
         """Drones of whom one did not hear what the other said."""
-        lost = self._carried.with_fate(row, "lost") if self._carried else []
-        return sorted({(min(pair), max(pair)) for pair in lost})
+        return self._carried.with_fate(row, "lost") if self._carried else []
 
 
 def _groups(recorded: Recorded, row: int) -> NDArray[np.int64]:
