@@ -91,17 +91,20 @@ def test_what_was_flown_before_a_policy_raised_is_kept(folder: Path) -> None:
         assert len(saved["positions"]) == 61
 
 
+SPIN = "def spin(turns):\n    while turns > 0:\n        turns += 1\n"
+TOLD = "print('in it', flush=True)"
+# What comes first, and then what does not return. To compile is not what hangs: it goes deeper than a stack is told.
 HANGS = {
-    "loop": "while True: pass",
-    "compiled": "import numba; numba.njit(spin)(1)",
+    "loop": ("pass", "while True: pass"),
+    "compiled": ("import numba; spun = numba.njit(spin); spun(0)", "spun(1)"),
 }
 
 
 def stopped(folder: Path, at: int, hangs: str, *words: str) -> list[str]:
     """Ctrl-C as soon as the policy is at tick ``at``, from which it does not return; the last lines of what is said."""
-    told = "print('in it', flush=True)\n            "
-    spin = "\n\ndef spin(turns):\n    while turns > 0:\n        turns += 1\n"
-    (folder / "homing.py").write_text(POLICY.format(at=at, does=told + HANGS[hangs]) + spin)
+    first, hang = HANGS[hangs]
+    does = f"{first}; {TOLD}\n            {hang}"
+    (folder / "homing.py").write_text(f"{POLICY.format(at=at, does=does)}\n\n{SPIN}")
     return interrupted(folder, *words)
 
 
@@ -160,9 +163,9 @@ def test_a_policy_that_ends_its_process_when_it_is_made_is_named(folder: Path, d
 
 
 def test_ctrl_c_leaves_a_policy_that_is_never_made(folder: Path) -> None:
-    spin = HANGS["compiled"].replace("spin", "__import__('homing_spin').spin")
-    (folder / "homing_spin.py").write_text("def spin(turns):\n    while turns > 0:\n        turns += 1\n")
-    made = MAKES.replace("pass", f"print('in it', flush=True)\n        {spin}")
+    first, hang = HANGS["compiled"]
+    (folder / "homing_spin.py").write_text(SPIN)
+    made = MAKES.replace("pass", f"from homing_spin import spin; {first}; {TOLD}\n        {hang}")
     (folder / "homing.py").write_text(POLICY.format(at=-1, does="pass").replace(MAKES, made))
     assert interrupted(folder, "simulate")[-1] == STUCK.replace(":12 (act)", ":8 (__init__)")
 
