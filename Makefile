@@ -15,10 +15,11 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: .venv/ready
 	$(BIN)/rsc-swarm launch --agents 25
 
-# Four files at a time, since many tests wait, and the long ones not last; the rules are compiled once, before.
+# Four files at a time, since many tests wait, and the long ones not last; the rules are compiled once, before. What hangs
+# inside a library takes its worker along; its file is tried once more, and then the run ends and names it.
 test: .venv/ready-test
 	+@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint rules
-	$(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder --max-worker-restart 1
 
 rules: .venv/ready
 	$(BIN)/rsc-swarm warm-up

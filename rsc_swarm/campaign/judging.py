@@ -79,14 +79,17 @@ def excuse(mission: Mission, closest: str) -> str | None:
 
 def _away(mission: Mission, agent: int, slots: list[int]) -> list[tuple[float, float]]:
     """When the drone neither sensed nor answered: (from, to) in seconds."""
-    spells, since = [], None
+    spells, since, dead = [], None, False
     for fault in sorted(mission.faults, key=lambda fault: fault.at_s):
         struck = agent in fault.agents or slots[agent] in fault.slots
         if struck and fault.kind in ("freeze", "kill"):
             since = fault.at_s if since is None else since
-        elif struck and fault.kind in ("thaw", "restart") and since is not None:
+            dead = dead or fault.kind == "kill"
+        elif (
+            struck and since is not None and (fault.kind == "restart" or (fault.kind == "thaw" and not dead))
+        ):
             spells.append((since, fault.at_s))
-            since = None
+            since, dead = None, False
     return spells if since is None else [*spells, (since, float("inf"))]
 
 

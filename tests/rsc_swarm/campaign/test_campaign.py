@@ -142,8 +142,9 @@ def test_a_flight_is_judged(outcome: Outcome, watched: Watched, name: str | None
         assert found.safety == (name not in ("not in formation in time", "views differ to the end"))
 
 
-def test_who_comes_back_from_the_dead_may_come_back_amid_the_others() -> None:
-    faults = [{"at_s": 1, "kind": "kill", "agents": [4]}, {"at_s": 2, "kind": "restart", "agents": [4]}]
+@pytest.mark.parametrize("before", [[("kill", 1)], [("freeze", 0.5), ("kill", 1), ("thaw", 1.5)]])
+def test_who_comes_back_from_the_dead_may_come_back_amid_the_others(before: list[tuple[str, float]]) -> None:
+    faults = [{"at_s": at_s, "kind": kind, "agents": [4]} for kind, at_s in [*before, ("restart", 2)]]
     mission = Mission(agents=9, faults=faults)
     for at_s, excused in ((2.2, True), (3.4, False)):
         found = judge(mission, Flight(1, 1, collision("agents 1 and 4", at_s), SEEN, SWAPS))
