@@ -103,8 +103,9 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
     from rsc_swarm.show.evaluation import print_notes, render
     from rsc_swarm.show.progress import Meter
     from rsc_swarm.show.render import console
-    from rsc_swarm.study.evaluate import evaluate, journal_path, summarise
+    from rsc_swarm.study.evaluate import evaluate, summarise
     from rsc_swarm.study.fingerprint import fingerprint
+    from rsc_swarm.study.finished import journal_path
     from rsc_swarm.study.machines import crew_of
     from rsc_swarm.study.progress import TICKS_GUESS, Flights
 

@@ -31,20 +31,25 @@ def insiders(
 ) -> None:
     """Let one drone of a swarm, with a valid login, attack the others in every way known, in real processes.
 
-    Passed if no other drone was ever lost, and the others succeeded in 95 of 100 flights.
+    Passed if no other drone was ever lost, and the others succeeded in 95 of 100 flights. With --json FILE what was flown is
+    kept beside it: after a stop the same command goes on from there.
     """
     if context.invoked_subcommand is not None:
         return
     announce_compiling()
+    from contextlib import nullcontext
+    from hashlib import blake2b
     from json import dumps
 
     from protocols.mission.document import MissionError, parse_mission
     from rsc_swarm.cli.output import JsonOutput
     from rsc_swarm.selfcheck.attacks import ATTACKS
     from rsc_swarm.selfcheck.table import render
-    from rsc_swarm.selfcheck.trials import passes, rows, trials
+    from rsc_swarm.selfcheck.trials import FinishedTrials, Trial, passes, rows, trials
     from rsc_swarm.show.progress import Meter
     from rsc_swarm.show.render import console
+    from rsc_swarm.study.fingerprint import whole_fingerprint
+    from rsc_swarm.study.finished import journal_path
 
     names = attacks.split(",") if attacks else list(ATTACKS)
     if unknown := [name for name in names if name not in ATTACKS]:
@@ -54,17 +59,22 @@ def insiders(
         parse_mission({"agents": agents, "map_seed": seed + number, "seed": 1000 * (seed + number)})
         for number in range(maps)
     ]
-    total, done, meter = maps * (len(names) + 1), [0], Meter()
-
-    def flown() -> None:
-        done[0] += 1
-        meter.draw(done[0], f"{done[0]} of {total} flights")
-
-    with unwind_when_asked(), closing(meter):
-        meter.begin(f"{total} flights", total)
-        tried = list(trials(missions, names, agents - 1, seed, flown))
+    code = blake2b(f"{whole_fingerprint()} {agents} {seed}".encode(), digest_size=8).hexdigest()
+    book = FinishedTrials(journal_path(output.file, code)) if output.file else None
+    total, meter, out = maps * len(names), Meter(), console(output.beside)
+    tried: list[Trial] = []
+    try:
+        with unwind_when_asked(), closing(meter), book or nullcontext():
+            meter.begin(f"{total} flights", total)
+            for trial in trials(missions, names, agents - 1, seed, book):
+                tried.append(trial)
+                meter.draw(len(tried), f"{len(tried)} of {total} flights")
+    except KeyboardInterrupt:
+        out.print(render(rows(tried)))
+        kept = "; they are kept, and the same command goes on from there" if book and tried else ""
+        print(f"stopped after {len(tried)} of {total} flights{kept}", file=sys.stderr)
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
     output.write(dumps([trial._asdict() for trial in tried], indent=2))
-    out = console(output.beside)
     out.print(render(rows(tried)))
     good = passes(tried)
     out.print("PASSED" if good else "FAILED: an honest drone was lost, or too few flights succeeded")

@@ -1,12 +1,13 @@
 """Flights in real processes in which one drone attacks the others, and what they cost the others."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import psutil
+from pydantic import TypeAdapter
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
@@ -14,6 +15,7 @@ from rsc_swarm.flight.launch import launch
 from rsc_swarm.selfcheck.attacks import ATTACKS, after_a_while
 from rsc_swarm.selfcheck.insider import Insider
 from rsc_swarm.selfcheck.judging import without
+from rsc_swarm.study.finished import Journal
 from world.outcome import Outcome
 from world.outlets.snapshot import Snapshot
 from world.outlets.trajectory import Trajectory
@@ -40,6 +42,28 @@ class Trial(NamedTuple):
     insider: str
 
 
+_TRIAL = TypeAdapter(Trial)
+
+
+class FinishedTrials(Journal[tuple[str, int], Trial]):
+    """Trials flown so far, by attack and map."""
+
+    @staticmethod
+    def _key(record: Trial) -> tuple[str, int]:
+        return record.attack, record.map_seed
+
+    @staticmethod
+    def _parse(line: str) -> Trial | None:
+        try:
+            return _TRIAL.validate_json(line)
+        except ValueError:
+            return None
+
+    @staticmethod
+    def _fields(record: Trial) -> dict[str, Any]:
+        return record._asdict()
+
+
 class _Flight(NamedTuple):
     outcome: Outcome
     rest: Outcome
@@ -53,16 +77,29 @@ class _Flight(NamedTuple):
 
 
 def trials(
-    missions: Sequence[Mission], names: Sequence[str], turned: int, seed: int, flown: Callable[[], object]
+    missions: Sequence[Mission],
+    names: Sequence[str],
+    turned: int,
+    seed: int,
+    book: FinishedTrials | None = None,
 ) -> Iterator[Trial]:
-    """Fly every attack on every mission, with drone ``turned`` as the insider; ``flown`` is called after each flight."""
+    """Fly every attack on every mission, with drone ``turned`` as the insider, but those that are in the ``book``.
+
+    Raises:
+        FinishedFlightsError: the book cannot be written. SwarmError: as rsc_swarm.flight.launch.launch.
+    """
     for mission in missions:
-        calm = _fly(mission, None, turned, seed)
-        flown()
+        kept = book.finished if book else {}
+        missing = [name for name in names if (name, mission.map_seed) not in kept]
+        calm = _fly(mission, None, turned, seed) if missing else None
         for name in names:
-            flight = _fly(mission, name, turned, seed)
-            flown()
-            yield _told(name, mission, turned, flight, calm)
+            if calm and name in missing:
+                trial = _told(name, mission, turned, _fly(mission, name, turned, seed), calm)
+                if book:
+                    book.add(trial)
+                yield trial
+            else:
+                yield kept[name, mission.map_seed]
 
 
 def _told(name: str, mission: Mission, turned: int, flight: _Flight, calm: _Flight) -> Trial:

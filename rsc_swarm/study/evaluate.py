@@ -170,7 +170,7 @@ def evaluate(
     """
     watcher = watcher or Watcher()
     with FinishedFlights(journal) if journal else nullcontext() as book:
-        flights = {pair: book.flights[pair] for pair in seeds if pair in book.flights} if book else {}
+        flights = {pair: book.finished[pair] for pair in seeds if pair in book.finished} if book else {}
         watcher.begin(list(flights.values()), len(seeds) - len(flights))
         missing = [pair for pair in seeds if pair not in flights]
         with closing(fly_all(mission, missing, crew.workers, crew.executor)) as flying:
@@ -183,11 +183,6 @@ def evaluate(
                     book.add(said)
                 watcher.flight(said)
     return [flights[pair] for pair in seeds]
-
-
-def journal_path(results: Path, code: str) -> Path:
-    """Where flights flown under this `fingerprint` are kept while ``results`` is being made."""
-    return results.with_name(f"{results.stem}.{code}.journal.jsonl")
 
 
 def summarise(mission: Mission, flights: list[Flight], starts: int, code: str) -> Evaluation:

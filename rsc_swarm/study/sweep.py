@@ -15,8 +15,9 @@ from protocols.mission.document import Mission, MissionError
 from protocols.mission.reading import ReadingError, read_yaml
 from protocols.whole_file import write_whole
 from rsc_swarm.options import MissionOptions, resolve
-from rsc_swarm.study.evaluate import Evaluation, evaluate, journal_path, summarise
+from rsc_swarm.study.evaluate import Evaluation, evaluate, summarise
 from rsc_swarm.study.fingerprint import fingerprint
+from rsc_swarm.study.finished import journal_path
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.progress import TICKS_GUESS, Flights, Meter
 from rsc_swarm.study.workers import Seeds

@@ -44,6 +44,7 @@ from rsc_swarm import options
 from rsc_swarm.air.plans import read_plan
 from rsc_swarm.flight.run_dir import RunDir
 from rsc_swarm.missions import shipped_missions
+from rsc_swarm.selfcheck.trials import FinishedTrials
 from rsc_swarm.show.plots import curves
 from rsc_swarm.study.evaluate import summarise
 from rsc_swarm.study.finished import FinishedFlights
@@ -255,8 +256,10 @@ def read_model(path: Path) -> None:
 
 def read_journal(path: Path) -> None:
     with FinishedFlights(path) as book:
-        if book.flights:
-            summarise(seed_files.FLOWN, list(book.flights.values()), 1, "")
+        if book.finished:
+            summarise(seed_files.FLOWN, list(book.finished.values()), 1, "")
+    with FinishedTrials(path):
+        pass
 
 
 def read_result(path: Path) -> None:

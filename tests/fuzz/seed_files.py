@@ -110,6 +110,7 @@ def model_notes() -> Iterator[bytes]:
 
 
 def journals() -> Iterator[bytes]:
+    from rsc_swarm.selfcheck.trials import Trial
     from rsc_swarm.study.workers import Flight
     from world.invariants import Watched
     from world.outcome import Outcome
@@ -123,6 +124,9 @@ def journals() -> Iterator[bytes]:
     ]
     yield "".join(json.dumps(asdict(flight)) + "\n" for flight in flights).encode()
     yield json.dumps(asdict(flights[0])).encode()
+    yield json.dumps(
+        Trial("late", 0, (), True, None, 20.0, 1.5, 160.0, "struck off: late")._asdict()
+    ).encode()
 
 
 def tables() -> Iterator[bytes]:

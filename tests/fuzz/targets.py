@@ -50,6 +50,7 @@ from protocols.wire.operator import OperatorError
 from protocols.wire.vehicles import VehicleMessageError
 from rsc_swarm import options
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.selfcheck.trials import FinishedTrials
 from rsc_swarm.show.plots import curves
 from rsc_swarm.show.plots.style import PlotError
 from rsc_swarm.study import finished
@@ -233,7 +234,7 @@ TARGETS = {
         (FinishedFlightsError,),
         seed_files.journals,
         mutate.lines_changed,
-        (finished.FinishedFlights, finished._parse),
+        (finished.Journal, finished.FinishedFlights, FinishedTrials),
     ),
     "table": Target(
         readers.in_file("table-1.json", readers.read_result),

@@ -24,12 +24,11 @@ from rsc_swarm.study.evaluate import (
     Evaluation,
     Watcher,
     evaluate,
-    journal_path,
     seeds_of,
     summarise,
 )
 from rsc_swarm.study.fingerprint import fingerprint
-from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError
+from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError, journal_path
 from rsc_swarm.study.intervals import clustered, failure_bound, wilson
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import Flight, WorkerError, fly_all, fly_batch
@@ -218,7 +217,7 @@ def test_a_journal_is_of_one_model_file(tmp_path):
 def test_two_evaluations_do_not_write_one_journal(tmp_path):
     with (
         FinishedFlights(tmp_path / "j.jsonl"),
-        pytest.raises(FinishedFlightsError, match="another evaluation is writing here"),
+        pytest.raises(FinishedFlightsError, match="another command is writing here"),
     ):
         FinishedFlights(tmp_path / "j.jsonl")
 

@@ -69,8 +69,8 @@ CURVE = b'{"updates": 100, "loss": 0.5, "success": null}\n{"updates": 200, "loss
 
 def read_journal(path: Path) -> None:
     with FinishedFlights(path) as book:
-        if book.flights:
-            summarise(MISSION, list(book.flights.values()), 1, "")
+        if book.finished:
+            summarise(MISSION, list(book.finished.values()), 1, "")
 
 
 READERS: dict[str, tuple[Callable[[Path], Any], bytes, type[Exception]]] = {
@@ -133,7 +133,7 @@ def test_a_journal_keeps_what_is_good_beside_what_is_not(garbage: bytes, tmp_pat
     ]
     path.write_bytes(b"\n".join([garbage, *(json.dumps(line).encode() for line in wrong), JOURNAL.strip()]))
     with FinishedFlights(path) as book:
-        assert set(book.flights) == {(3, 5)}
+        assert set(book.finished) == {(3, 5)}
 
 
 def test_a_journal_that_cannot_be_had_is_named(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from pathlib import Path
 from agent.policy import PolicyError
 from protocols.mission.document import Mission, MissionError
 from rsc_swarm.options import resolve
-from rsc_swarm.study.evaluate import evaluate, journal_path, summarise
+from rsc_swarm.study.evaluate import evaluate, summarise
 from rsc_swarm.study.fingerprint import fingerprint
-from rsc_swarm.study.finished import FinishedFlights
+from rsc_swarm.study.finished import FinishedFlights, journal_path
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.progress import TICKS_GUESS, Flights, Meter
 from rsc_swarm.study.tables.plan_error import accuracy_of
@@ -43,7 +43,7 @@ def prepare(rows: list[Row], seeds: list[Seeds], folder: Path) -> list[Job]:
 
     Raises:
         MissionError: a row cannot be flown here. TableError: the folder cannot be made.
-        rsc_swarm.study.finished.FinishedFlightsError: another evaluation is writing there.
+        rsc_swarm.study.finished.FinishedFlightsError: another command is writing there.
     """
     flights = folder / "flights"
     try:
@@ -63,7 +63,7 @@ def _job(row: Row, seeds: list[Seeds], flights: Path) -> Job:
     known = 0
     if path.exists():
         with FinishedFlights(path) as book:
-            known = sum(pair in book.flights for pair in seeds)
+            known = sum(pair in book.finished for pair in seeds)
     return Job(row, mission, code, path, len(seeds) - known)
 
 
