@@ -30,10 +30,6 @@ class CrazyflieVehicle(Ordered):
 
     def __init__(self, where: str, rig: Rig) -> None:
         """Raises VehicleAddressError: ``where`` is no address of a Crazyflie, or an option is wrong."""
-        if unknown := sorted(rig.options.keys() - {"host"}):
-            raise VehicleAddressError(
-                f"crazyflie:{where} has no option {unknown[0]!r}: its only option is host"
-            )
         try:
             dongle = vehicles.dongle_of(where) if rig.dongle is None else rig.dongle
             self._endpoint = checked_endpoint(rig.options.get("host", vehicles.host_endpoint(dongle)))
@@ -49,11 +45,11 @@ class CrazyflieVehicle(Ordered):
         deadline = time.monotonic() + timeout_s
         self._session = self._connect(timeout_s)
         self._session.declare_subscriber(
-            vehicles.account_key(self._swarm, self._rig.drone),
+            vehicles.account_key(self._swarm, self._rig.drone, self._uri),
             zenoh.handlers.Callback(self._hear, indirect=False),
         )
         self._publisher = self._session.declare_publisher(
-            vehicles.order_key(self._swarm, self._rig.drone),
+            vehicles.order_key(self._swarm, self._rig.drone, self._uri),
             express=True,
             congestion_control=zenoh.CongestionControl.DROP,
             reliability=zenoh.Reliability.BEST_EFFORT,
@@ -63,8 +59,8 @@ class CrazyflieVehicle(Ordered):
         except queue.Empty:
             self.close()
             raise VehicleError(
-                f"the radio host at {self._endpoint} says nothing of the Crazyflie of drone {self._rig.drone}: start it with "
-                "the fleet file that this drone has"
+                f"the radio host at {self._endpoint} says nothing of the Crazyflie of drone {self._rig.drone} at {self._uri}: "
+                "it is that of another fleet, or has another fleet file than this drone; give each fleet a host of its own"
             ) from None
 
     def _connect(self, timeout_s: float) -> zenoh.Session:

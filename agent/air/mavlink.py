@@ -221,6 +221,8 @@ def parse_address(where: str) -> Address:
             f"{connection!r} is no connection: one reads udpin:127.0.0.1:14550, udpout:HOST:PORT, tcp:HOST:PORT "
             "or serial:/dev/ttyAMA0:921600"
         )
+    if not connection.startswith("serial:") and not 0 < int(connection.rpartition(":")[2]) < 65536:
+        raise ValueError(f"{connection!r} is no connection: a port is a number from 1 to 65535")
     asked = dict(parse_qsl(query, keep_blank_values=True))
     if asks and (not asked or asked.keys() - {"autopilot", "system"}):
         raise ValueError("behind the ? stand only autopilot=px4 or autopilot=ardupilot, and system=NUMBER")
@@ -234,8 +236,6 @@ def parse_address(where: str) -> Address:
 
 def parse_origin(options: Mapping[str, str]) -> tuple[int, int, int] | None:
     """Latitude and longitude in 1e-7 degrees, altitude in mm; None: not given. Raises ValueError, with one line."""
-    if unknown := sorted(options.keys() - {"origin"}):
-        raise ValueError(f"no option {unknown[0]!r}: its only option is origin")
     if (text := options.get("origin")) is None:
         return None
     try:

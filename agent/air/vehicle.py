@@ -122,11 +122,20 @@ class Vehicle(Protocol):
         """Let go of it. One that flies is left to its own failsafe."""
 
 
-#: Kind of vehicle -> module and class; a class is made of (address, rig).
+class Make(NamedTuple):
+    """A kind of vehicle. module, name: of a class that is made of (address, rig). options: those that it knows. shares_radio:
+    whether several of them may be led by one dongle."""
+
+    module: str
+    name: str
+    options: tuple[str, ...] = ()
+    shares_radio: bool = False
+
+
 VEHICLES = {
-    "crazyflie": ("agent.air.crazyflie", "CrazyflieVehicle"),
-    "mavlink": ("agent.air.mavlink", "MavlinkVehicle"),
-    "point": ("agent.air.point", "PointVehicle"),
+    "crazyflie": Make("agent.air.crazyflie", "CrazyflieVehicle", ("host",), shares_radio=True),
+    "mavlink": Make("agent.air.mavlink", "MavlinkVehicle", ("origin",)),
+    "point": Make("agent.air.point", "PointVehicle"),
 }
 
 
@@ -134,7 +143,7 @@ def make_vehicle(address: str, rig: Rig) -> Vehicle:
     """The vehicle at ``address``, ``KIND:WHERE``; what WHERE means is its kind's affair. It is not opened.
 
     Raises:
-        VehicleAddressError: no such kind, or its kind cannot read WHERE.
+        VehicleAddressError: no such kind, its kind cannot read WHERE, or it is told what means nothing to its kind.
         VehicleError: what the kind needs is not installed.
     """
     kind, colon, where = address.partition(":")
@@ -143,6 +152,13 @@ def make_vehicle(address: str, rig: Rig) -> Vehicle:
             f"{address!r} is no vehicle: write KIND:WHERE with KIND one of {', '.join(sorted(VEHICLES))}, "
             "for example point:"
         )
-    module, name = VEHICLES[kind]
-    made: Vehicle = getattr(importlib.import_module(module), name)(where, rig)
+    make = VEHICLES[kind]
+    if unknown := sorted(rig.options.keys() - set(make.options)):
+        known = (
+            f"its only option is {make.options[0]}" if make.options else f"a {kind} has none; leave it out"
+        )
+        raise VehicleAddressError(f"{address} has no option {unknown[0]!r}: {known}")
+    if rig.dongle is not None and not make.shares_radio:
+        raise VehicleAddressError(f"{address} has no dongle: a {kind} shares no radio; leave dongle out")
+    made: Vehicle = getattr(importlib.import_module(make.module), make.name)(where, rig)
     return made

@@ -173,7 +173,7 @@ class DroneSpec(Section):
 
     number: Annotated[Count, Field(ge=0, lt=MAX_AGENTS)]
     body: Line = Field("point:", description="KIND:WHERE, as agent.air.vehicle has it")
-    dongle: Annotated[Count, Field(ge=0)] | None = Field(
+    dongle: Annotated[Count, Field(ge=0, le=999)] | None = Field(
         None, description="the radio it is flown by, if it shares one"
     )
     start_m: Point | None = Field(None, description="where it stands; none: at its slot")

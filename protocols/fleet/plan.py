@@ -144,6 +144,12 @@ def _check_before(fleet: Fleet, mission: Mission) -> None:
         raise FleetError(
             f"drones: {len(fleet.drones)}, and mission {fleet.mission} is for {mission.agents}; list as many"
         )
+    if fleet.slot_heights_m is not None and "height_m" in fleet.model_fields_set:
+        raise FleetError("height_m: slot_heights_m says it of each slot; leave one of them out")
+    if fleet.world and not fleet.world.obstacles_m and fleet.world.noise_m:
+        raise FleetError(
+            "world.noise_m: the world adds no obstacles that could be seen with noise; list them, or leave it out"
+        )
     if fleet.slot_heights_m is not None and len(fleet.slot_heights_m) != mission.agents:
         raise FleetError(
             f"slot_heights_m: {len(fleet.slot_heights_m)} heights for {mission.agents} slots; give as many"
@@ -176,11 +182,6 @@ def _check_addresses(plan: Plan) -> None:
             raise FleetError(
                 f"{name}: {address} is plain text, which everybody on the way can read and forge: use keys and quic/, "
                 "or radio: {plain_text: true} on a network of your own"
-            )
-    for a, b in combinations(fleet.drones, 2):
-        if a.body == b.body and not a.body.startswith("point:"):
-            raise FleetError(
-                f"drones: {a.number} and {b.number} have both the body {a.body}; give each its own"
             )
 
 

@@ -5,12 +5,14 @@
     fix      to the host, from whatever measures places in the room: where the vehicle is.
 
 All in the frame of the room: metres, x east, y north, z up; yaw and tilt in radians. Little endian, fixed in size; what is not
-finite or absurdly far is refused. Drone ``i`` of swarm ``s`` speaks on ``s/body/i/setpoint`` and hears on ``s/body/i/state``.
+finite or absurdly far is refused. Drone ``i`` of swarm ``s`` speaks on ``s/body/i/NAME/setpoint`` and hears on
+``s/body/i/NAME/state``, with the name of its vehicle (`name_of`): whoever finds the host of another fleet leads nobody there.
 """
 
 import math
 import re
 import struct
+import zlib
 from enum import IntFlag, StrEnum
 from typing import NamedTuple
 
@@ -121,31 +123,24 @@ def dongle_of(uri: str) -> int:
     return int(match["dongle"] or 0)
 
 
-def order_key(swarm: str, drone: int | None) -> str:
-    """Where the orders to the vehicle of ``drone`` are said; None: to all."""
-    return _key(swarm, drone, "setpoint")
+def name_of(uri: str) -> str:
+    """A vehicle's address as a part of a key."""
+    return f"{zlib.crc32(uri.encode()):08x}"
 
 
-def account_key(swarm: str, drone: int | None) -> str:
-    """Where the vehicle of ``drone`` gives account; None: all."""
-    return _key(swarm, drone, "state")
+def order_key(swarm: str, drone: int, uri: str) -> str:
+    """Where the orders to the vehicle of ``drone`` at ``uri`` are said."""
+    return _key(swarm, drone, f"{name_of(uri)}/setpoint")
 
 
-def fix_key(swarm: str, drone: int | None) -> str:
-    """Where the vehicle of ``drone`` is told where it is; None: all."""
+def account_key(swarm: str, drone: int, uri: str) -> str:
+    """Where the vehicle of ``drone`` at ``uri`` gives account."""
+    return _key(swarm, drone, f"{name_of(uri)}/state")
+
+
+def fix_key(swarm: str, drone: int) -> str:
+    """Where the vehicle of ``drone`` is told where it is."""
     return _key(swarm, drone, "position")
-
-
-def drone_of(key: str) -> int:
-    """Whose key this is.
-
-    Raises:
-        VehicleMessageError: nobody's.
-    """
-    parts = key.split("/")
-    if len(parts) != 4 or parts[1] != "body" or not (parts[2].isascii() and parts[2].isdigit()):
-        raise VehicleMessageError(f"{key!r} is no key of a vehicle: one reads SWARM/body/NUMBER/setpoint")
-    return int(parts[2])
 
 
 def pack_order(order: Order) -> bytes:
@@ -205,8 +200,8 @@ def unpack_fix(data: bytes) -> Vector:
     return x[0], x[1], x[2]
 
 
-def _key(swarm: str, drone: int | None, what: str) -> str:
-    return f"{checked_swarm(swarm)}/body/{'*' if drone is None else checked_agent(drone)}/{what}"
+def _key(swarm: str, drone: int, what: str) -> str:
+    return f"{checked_swarm(swarm)}/body/{checked_agent(drone)}/{what}"
 
 
 def _unpack(form: struct.Struct, data: bytes, what: str) -> tuple[int, ...]:

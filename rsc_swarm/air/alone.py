@@ -16,10 +16,11 @@ from agent.air.obstacles import Obstacles
 from agent.air.peers import AirLink, end_of, name_of
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
-from agent.air.vehicle import Failsafe, Rig, make_vehicle
+from agent.air.vehicle import make_vehicle
 from agent.process import seals_of
 from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
+from rsc_swarm.air.bodies import rig_of
 from rsc_swarm.air.folder import event_of, keep, next_folder
 from rsc_swarm.air.judged import rehearse_judging
 from rsc_swarm.flight.key_files import read_fleet_login
@@ -48,12 +49,7 @@ def fly_drone(
     if me >= plan.mission.agents:
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
     fleet, spec = plan.fleet, plan.fleet.drones[me]
-    guard = fleet.guard
-    rig = Rig(
-        me, (*plan.starts[me], 0.0), plan.speed_mps, plan.acceleration_mps2,
-        Failsafe(guard.setpoint_hold_s, guard.setpoint_land_s), spec.options, spec.dongle, plan.mission.swarm,
-    )  # fmt: skip
-    vehicle = make_vehicle(body or spec.body, rig)
+    vehicle = make_vehicle(body or spec.body, rig_of(plan, me))
     load(plan)
     vehicle.open(_OPEN_S)
     service = Service()

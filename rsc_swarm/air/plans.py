@@ -5,6 +5,7 @@ from pathlib import Path
 from protocols.fleet.document import FleetError, read_fleet
 from protocols.fleet.plan import Plan, make_plan
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
+from rsc_swarm.air.bodies import check_bodies
 from rsc_swarm.missions import SHIPPED, shipped_missions
 from rsc_swarm.options import MissionOptions, named, resolve
 
@@ -29,7 +30,12 @@ def read_plan(path: Path) -> Plan:
         mission = parse_mission(read_mission_fields(file), str(file))
     except MissionError as error:
         raise FleetError(f"{path}: {error}") from None
-    return make_plan(fleet, mission, str(path))
+    plan = make_plan(fleet, mission, str(path))
+    try:
+        check_bodies(plan)
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
+    return plan
 
 
 def asked_mission(path: Path, plan: Plan, options: MissionOptions) -> Mission:

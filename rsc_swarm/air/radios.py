@@ -14,6 +14,7 @@ from protocols.fleet.plan import Plan
 from protocols.keeper import Limits
 from protocols.wire.endpoints import stays_here
 from protocols.wire.vehicles import dongle_of, host_endpoint
+from rsc_swarm.machine.priority import go_first
 
 KIND = "crazyflie:"
 MOST_CRAZYFLIES = 3  # that one dongle can lead at 50 Hz
@@ -85,7 +86,8 @@ def radios_of(plan: Plan) -> tuple[Radio, ...]:
             f"positions.endpoint: {positions.endpoint} is plain text or of a stranger, and who changes it on the way flies the "
             "Crazyflies astray: let the bridge run on this machine, or write radio: {plain_text: true} on a network of your own"
         )
-    limits = Limits(braking_mps2=0.5 * plan.acceleration_mps2)
+    guard = plan.fleet.guard
+    limits = Limits(guard.setpoint_hold_s, guard.setpoint_land_s, braking_mps2=0.5 * plan.acceleration_mps2)
     return tuple(
         Radio(dongle, endpoint, tuple(drones), plan.mission.swarm, limits, positions)
         for (dongle, endpoint), drones in sorted(led.items())
@@ -111,7 +113,8 @@ def radio_of(plan: Plan, dongle: int | None) -> Radio:
 
 
 def be_host(radio: Radio) -> NoReturn:
-    """Become the program of a radio host."""
+    """Become the program of a radio host: one that goes first, for a Crazyflie that is told nothing for 2 s falls."""
+    go_first()
     os.execv(sys.executable, [sys.executable, "-m", "rsc_swarm.radiohost", radio.settings])
 
 
@@ -120,4 +123,11 @@ def _dongle(spec: DroneSpec, uri: str) -> int:
         named = dongle_of(uri)
     except ValueError as error:
         raise FleetError(f"drones: {spec.number}: body: {error}") from None
-    return named if spec.dongle is None else spec.dongle
+    if spec.dongle is None:
+        return named
+    if uri.startswith("radio://") and spec.dongle != named and "host" not in spec.options:
+        raise FleetError(
+            f"drones.{spec.number}.dongle: {spec.dongle}, and {uri} is reached by dongle {named} of this machine; leave dongle "
+            "out, or name the host of another machine in options: {host: ...}"
+        )
+    return spec.dongle

@@ -155,17 +155,22 @@ class RadioHost(Closing):
     ) -> None:
         self._session = _listen(endpoint)
         self._cares = {
-            charge.drone: Care(charge, self._publisher(vehicles.account_key(swarm, charge.drone)), cache)
+            charge.drone: Care(
+                charge, self._publisher(vehicles.account_key(swarm, charge.drone, charge.uri)), cache
+            )
             for charge in charges
         }
         self._warden = Warden()
         self._flying: dict[str, float] = {}
-        self._session.declare_subscriber(vehicles.order_key(swarm, None), self._hear)
-        self._session.declare_subscriber(vehicles.fix_key(swarm, None), self._fix)
         self._source = _look_for(positions) if positions else None
-        for charge in charges:
-            if self._source and charge.position_key:
-                self._source.declare_subscriber(charge.position_key, partial(self._place, charge.drone))
+        for care in self._cares.values():
+            drone, place = care.charge.drone, partial(self._place, care)
+            self._session.declare_subscriber(
+                vehicles.order_key(swarm, drone, care.charge.uri), partial(self._hear, care)
+            )
+            self._session.declare_subscriber(vehicles.fix_key(swarm, drone), place)
+            if self._source and care.charge.position_key:
+                self._source.declare_subscriber(care.charge.position_key, place)
 
     def open(self, timeout_s: float = 60.0) -> None:
         """Reach all charges.
@@ -215,20 +220,15 @@ class RadioHost(Closing):
             reliability=zenoh.Reliability.BEST_EFFORT,
         )
 
-    def _hear(self, sample: zenoh.Sample) -> None:
+    @staticmethod
+    def _hear(care: Care, sample: zenoh.Sample) -> None:
         with suppress(VehicleMessageError):
-            care = self._cares.get(vehicles.drone_of(str(sample.key_expr)))
-            if care:
-                care.heard.put(vehicles.unpack_order(sample.payload.to_bytes()))
+            care.heard.put(vehicles.unpack_order(sample.payload.to_bytes()))
 
-    def _fix(self, sample: zenoh.Sample) -> None:
+    @staticmethod
+    def _place(care: Care, sample: zenoh.Sample) -> None:
         with suppress(VehicleMessageError):
-            self._place(vehicles.drone_of(str(sample.key_expr)), sample)
-
-    def _place(self, drone: int, sample: zenoh.Sample) -> None:
-        with suppress(VehicleMessageError):
-            if care := self._cares.get(drone):
-                care.heard.put(vehicles.unpack_fix(sample.payload.to_bytes()))
+            care.heard.put(vehicles.unpack_fix(sample.payload.to_bytes()))
 
     def close(self) -> None:
         self._each(Line.close)

@@ -15,10 +15,9 @@ if "RSC_CF_FIRMWARE" not in os.environ:
 
 from agent.air.vehicle import Mode, Rig, Setpoint, State, Vehicle, make_vehicle
 from tests.firmware.in_the_loop import InTheLoop, in_the_loop
-from tests.radiohost.hosting import hosting
+from tests.radiohost.hosting import free_dongle, hosting
 
 BINARY = Path(os.environ["RSC_CF_FIRMWARE"])
-DONGLE = 81
 HEIGHT, RADIUS, SPEED = 0.6, 0.4, 0.45
 
 
@@ -67,9 +66,10 @@ class Flown:
 
 @pytest.fixture
 def flown() -> Iterator[Flown]:
-    with in_the_loop(BINARY, (0.5, 0.2, 0.0)) as loop, hosting(loop.port, DONGLE) as host:
+    dongle = free_dongle()
+    with in_the_loop(BINARY, (0.5, 0.2, 0.0)) as loop, hosting(loop.port, dongle) as host:
         vehicle = make_vehicle(
-            f"crazyflie:udp://127.0.0.1:{loop.port}", Rig(0, loop.body.p, 1.0, 3.0, dongle=DONGLE)
+            f"crazyflie:udp://127.0.0.1:{loop.port}", Rig(0, loop.body.p, 1.0, 3.0, dongle=dongle)
         )
         vehicle.open(90.0)
         yield Flown(vehicle, loop, host)

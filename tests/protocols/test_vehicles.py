@@ -18,7 +18,8 @@ from protocols.wire.vehicles import (
     VehicleMessageError,
     account_key,
     dongle_of,
-    drone_of,
+    fix_key,
+    name_of,
     order_key,
     pack_account,
     pack_fix,
@@ -73,18 +74,13 @@ def test_what_is_no_order_is_refused(data: bytes, why: str) -> None:
         unpack_order(data)
 
 
-def test_keys_name_the_drone() -> None:
-    assert order_key("rsc", 3) == "rsc/body/3/setpoint"
-    assert drone_of(account_key("rsc", 249)) == 249
-    for key in (
-        "rsc/body/setpoint",
-        "rsc/tx/3/state",
-        "rsc/body/x/state",
-        "rsc/body/-1/state",
-        "rsc/body/²/state",
-    ):
-        with pytest.raises(VehicleMessageError, match="no key of a vehicle"):
-            drone_of(key)
+def test_keys_name_the_drone_and_its_vehicle() -> None:
+    uri, other = "radio://0/80/2M/E7E7E7E703", "radio://0/80/2M/E7E7E7E704"
+    assert order_key("rsc", 3, uri) == f"rsc/body/3/{name_of(uri)}/setpoint"
+    assert account_key("rsc", 3, uri) == f"rsc/body/3/{name_of(uri)}/state"
+    assert fix_key("rsc", 3) == "rsc/body/3/position"
+    assert name_of(uri) != name_of(other)
+    assert len(name_of(uri)) == 8
 
 
 def test_there_are_words_for_all_that_can_be_wrong() -> None:

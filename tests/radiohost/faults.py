@@ -19,9 +19,9 @@ from protocols.keeper import Limits
 from protocols.wire.vehicles import Account, account_key, host_endpoint, unpack_account
 from tests.fakes.crazyflie import FakeCrazyflie, Stage
 from tests.fakes.udp import Wires
-from tests.radiohost.hosting import hosting
+from tests.radiohost.hosting import free_dongle, hosting
 
-_DONGLE = 81
+_DONGLE = free_dongle()
 _SINKS_MPS = 0.1
 _PATIENCE_S = 30.0
 
@@ -37,15 +37,15 @@ class Flight(ExitStack):
         self.host = self.enter_context(
             hosting(wires.ports[0], _DONGLE, hold_s=limits.hold_s, land_s=limits.land_s)
         )
-        rig = Rig(0, self.fake.motion.p, 1.0, 3.0, dongle=_DONGLE)
-        self.vehicle = make_vehicle(f"crazyflie:udp://127.0.0.1:{wires.ports[0]}", rig)
+        rig, uri = Rig(0, self.fake.motion.p, 1.0, 3.0, dongle=_DONGLE), f"udp://127.0.0.1:{wires.ports[0]}"
+        self.vehicle = make_vehicle(f"crazyflie:{uri}", rig)
         self.vehicle.open(30.0)
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", f'["{host_endpoint(_DONGLE)}"]')
         self._told: queue.SimpleQueue[tuple[float, Account]] = queue.SimpleQueue()
         listener = self.enter_context(zenoh.open(config))
-        listener.declare_subscriber(account_key("rsc", 0), self._hear)
+        listener.declare_subscriber(account_key("rsc", 0, uri), self._hear)
         self.vehicle.arm()
         self._until(lambda: self.vehicle.state().armed)
         self.vehicle.take_off(0.8)

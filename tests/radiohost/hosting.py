@@ -1,6 +1,7 @@
 """A radio host in a process of its own, as `rsc-swarm radio` starts it."""
 
 import json
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,16 @@ from pathlib import Path
 from protocols.wire.vehicles import host_endpoint
 
 ROOT = Path(__file__).parents[2]
+_FIRST_PORT = int(host_endpoint(0).rpartition(":")[2])
+
+
+def free_dongle() -> int:
+    """The number of a dongle whose host has this machine's port to itself, whatever else is flown on it."""
+    with socket.socket() as one:
+        while True:
+            one.bind(("127.0.0.1", 0))
+            if (port := int(one.getsockname()[1])) > _FIRST_PORT:
+                return port - _FIRST_PORT
 
 
 @contextmanager

@@ -19,14 +19,14 @@ from rsc_swarm.radiohost.host import Charge, RadioHost
 from rsc_swarm.radiohost.line import Line, LineError, init_drivers
 from tests.fakes.crazyflie import FakeCrazyflie, Stage
 from tests.fakes.udp import Wires, free_ports
-from tests.radiohost.hosting import hosting
+from tests.radiohost.hosting import free_dongle, hosting
 
 BRISK = Limits(climb_mps=1.0, sink_mps=0.7)
 PATIENT = Limits(
     hold_s=3.0, land_s=30.0, climb_mps=1.0, sink_mps=0.7
 )  # this process may have to wait for its turn
 HEIGHT = 0.6
-DONGLE, OTHER_DONGLE, NO_DONGLE = 71, 72, 73
+DONGLE, OTHER_DONGLE, NO_DONGLE = free_dongle(), free_dongle(), 73
 SOURCE = f"tcp/127.0.0.1:{free_ports(1)[0]}"
 
 
@@ -216,6 +216,15 @@ def test_when_the_radio_host_is_killed_its_warden_lands_who_flies() -> None:
     assert not fake.motors_on
     assert not fake.motion.fell
     assert fake.stage in (Stage.FLYING, Stage.READY)
+
+
+def test_the_host_of_another_fleet_leads_no_crazyflie_of_this_one(room: Room) -> None:
+    """Two fleets on one machine, the second of whose hosts found its port taken: drone 0 of both has the same number."""
+    stranger = make_vehicle("crazyflie:udp://127.0.0.1:9", Rig(0, (0.0, 0.0, 0.0), 1.0, 3.0, dongle=DONGLE))
+    with pytest.raises(
+        VehicleError, match=r"says nothing of the Crazyflie of drone 0 at udp://127\.0\.0\.1:9: it is"
+    ):
+        stranger.open(1.0)
 
 
 def test_without_a_radio_host_there_is_no_vehicle() -> None:

@@ -25,6 +25,7 @@ def test_one_that_is_not_there_is_given_up_in_time() -> None:
         ("", {}, "'' is no connection: one reads udpin:127.0.0.1:14550"),
         ("udpin:127.0.0.1", {}, "'udpin:127.0.0.1' is no connection"),
         ("udpin:127.0.0.1:²", {}, "is no connection"),
+        ("udpin:127.0.0.1:65536", {}, "a port is a number from 1 to 65535"),
         ("serial:/dev/ttyAMA0", {}, "is no connection"),
         (f"{WHERE}?", {}, r"behind the \? stand only"),
         (f"{WHERE}?autopilot=", {}, "autopilot= is none of px4, ardupilot"),

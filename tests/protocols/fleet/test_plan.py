@@ -114,8 +114,6 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
      "drones.0.address: udp/10.0.0.1:7000 is plain text"),
     ("a secret without keys", {"ground": "quic/10.0.0.1:7000"}, "ground: quic/10.0.0.1:7000 needs keys"),
     ("keys and plain text", {"keys": "keys", "ground": "udp/127.0.0.1:7000"}, "ground: .* is plain text, and the fleet has keys"),
-    ("one body twice", {"drones": drones({}, {"body": "crazyflie:E7"}, {"body": "crazyflie:E7"})},
-     "drones: 1 and 2 have both the body crazyflie:E7"),
     ("starts too near", {"drones": drones({}, {"start_m": [-3, 0.1]}, {"start_m": [-3, 0]})}, "0.10 m apart, and 0.15 m"),
     ("a start in an obstacle", {"obstacles_m": [[-3, 0.4, 0.3]]}, "stands .* m from obstacle 0"),
     ("a short fence", {"fence": {"x_m": [-4, 2], "y_m": [-2, 2]}}, r"fence.x_m: .* smaller than the way; give at least \["),
@@ -125,6 +123,8 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("a turned mission", {"yaw_deg": 90}, "fence.x_m: .* smaller than the way"),
     ("no fence", {"fence": None}, "fence: "),
     ("too few heights", {"slot_heights_m": [1, 1.2]}, "slot_heights_m: 2 heights for 3 slots"),
+    ("one height and many", {"height_m": 1, "slot_heights_m": [1, 1, 1]}, "height_m: slot_heights_m says it of each slot"),
+    ("noise of no obstacles", {"world": {"noise_m": 0.05}}, "world.noise_m: the world adds no obstacles"),
     ("limits upside down", {"guard": {"position_hold_s": 2}}, "position_hold_s: 2 is not less than position_land_s"),
     ("a frame rate between", {"radio": {"frame_rate_hz": 70}}, "frame_rate_hz: 70 Hz .* nearest"),
 ]  # fmt: skip

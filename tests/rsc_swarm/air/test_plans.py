@@ -1,9 +1,12 @@
 """Fleet files from the command line: what can be flown is drawn, what cannot is refused in one line."""
 
+import itertools
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from protocols.fleet.document import FleetError
 from rsc_swarm.air.plans import read_plan
@@ -54,6 +57,66 @@ def test_a_mission_beside_the_fleet_file_is_found(tmp_path: Path) -> None:
         FleetError, match=r"mission: there is no file .*yours\.yaml; name one, or one that comes"
     ):
         read_plan(tmp_path / "fleet.yaml")
+
+
+def fleet_file(folder: Path, *changes: dict[str, Any], **fields: Any) -> Path:
+    """The example's, with ``changes`` to its drones."""
+    room = yaml.safe_load((EXAMPLES / "room.yaml").read_text())
+    drones = [
+        drone | change for drone, change in itertools.zip_longest(room["drones"], changes, fillvalue={})
+    ]
+    (folder / "fleet.yaml").write_text(yaml.safe_dump(room | {"drones": drones} | fields))
+    return folder / "fleet.yaml"
+
+
+CRAZYFLIE, OVER_ANOTHER = "crazyflie:radio://0/80/2M/E7E7E7E701", "crazyflie:radio://1/80/2M/e7e7e7e701"
+AUTOPILOT, ANOTHER = "mavlink:udpin:127.0.0.1:14550", "mavlink:udpin:127.0.0.1:14551"
+SOURCE = {"endpoint": "tcp/127.0.0.1:7447"}
+MEANS_NOTHING: list[tuple[list[dict[str, Any]], dict[str, Any], str]] = [
+    ([], {"positions": SOURCE}, "positions: no drone of this fleet is a Crazyflie"),
+    ([{"body": AUTOPILOT}], {"positions": SOURCE}, "positions: no drone of this fleet is a Crazyflie"),
+    ([{"dongle": 1}], {}, "drones.0: point: has no dongle: a point shares no radio; leave dongle out"),
+    ([{}, {"body": AUTOPILOT, "dongle": 0}], {}, "drones.1: mavlink:.* has no dongle: a mavlink shares no radio"),
+    ([{"options": {"host": "tcp/127.0.0.1:7470"}}], {}, "drones.0: point: has no option 'host': a point has none"),
+    ([{"options": {"origin": "1,2,3"}}], {}, "drones.0: point: has no option 'origin'"),
+    ([{"body": AUTOPILOT, "options": {"host": "tcp/127.0.0.1:7470"}}], {}, "has no option 'host': its only option is origin"),
+    ([{"body": CRAZYFLIE, "options": {"origin": "1,2,3"}}], {}, "has no option 'origin': its only option is host"),
+    ([{"body": CRAZYFLIE, "dongle": 1}], {}, "drones.0.dongle: 1, and radio://0/80/2M/E7E7E7E701 is reached by dongle 0"),
+    ([{"body": CRAZYFLIE}, {"body": OVER_ANOTHER}], {}, "drones: 0 and 1 have both the body crazyflie:radio://0/80/2M/E7E7E7E701"),
+    ([{"body": AUTOPILOT}, {"body": AUTOPILOT + "?system=2"}], {}, "drones: 0 and 1 have both the body mavlink:"),
+    ([{"body": AUTOPILOT, "options": {"origin": "47,8,500"}}, {"body": ANOTHER}], {}, "drones: 0 and 1 have different options"),
+    ([{"body": AUTOPILOT, "options": {"origin": "47,8,500"}}, {"body": ANOTHER, "options": {"origin": "47,8,501"}}], {},
+     "drones: 0 and 1 have different options"),
+    ([{"body": "balloon:"}], {}, "drones.0: 'balloon:' is no vehicle"),
+    ([{"body": "crazyflie:radio://0"}], {}, "drones.0: crazyflie:radio://0: 'radio://0' is no address"),
+    ([{"body": "mavlink:udpin:1"}], {}, "drones.0: mavlink:udpin:1: 'udpin:1' is no connection"),
+    ([{"body": "point:frozn@3"}], {}, "drones.0: point:frozn@3: 'frozn@3' is nothing"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "fields", "why"), MEANS_NOTHING, ids=[why[:60] for *_, why in MEANS_NOTHING]
+)
+def test_what_would_mean_nothing_to_a_body_is_refused(
+    tmp_path: Path, changes: list[dict[str, Any]], fields: dict[str, Any], why: str
+) -> None:
+    with pytest.raises(FleetError, match=why) as refusal:
+        read_plan(fleet_file(tmp_path, *changes, **fields))
+    assert str(refusal.value).startswith(str(tmp_path))
+    assert "\n" not in str(refusal.value)
+
+
+def test_every_companion_computer_has_a_line_of_its_own_to_its_autopilot(tmp_path: Path) -> None:
+    serial = "mavlink:serial:/dev/ttyAMA0:921600"
+    drones = [
+        {"body": serial, "address": f"udp/10.0.0.{10 + n}:7450", "options": {"origin": "47,8,500"}}
+        for n in range(6)
+    ]
+    plain: dict[str, Any] = {"radio": {"plain_text": True}, "ground": "udp/10.0.0.1:7450"}
+    assert read_plan(fleet_file(tmp_path, *drones, **plain)).fleet.drones[5].body == serial
+    drones[5]["address"] = "udp/10.0.0.14:7451"
+    with pytest.raises(FleetError, match="drones: 4 and 5 have both the body"):
+        read_plan(fleet_file(tmp_path, *drones, **plain))
 
 
 BAD = [

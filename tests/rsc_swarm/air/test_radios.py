@@ -105,7 +105,7 @@ def test_the_fleet_file_may_say_which_dongle_and_where_its_host_listens(tmp_path
         (
             [{"body": "crazyflie:radio://0"}, *[{}] * 5],
             None,
-            "drones: 0: body: 'radio://0' is no address of a Crazyflie",
+            "drones.0: crazyflie:radio://0: 'radio://0' is no address of a Crazyflie",
         ),
         (
             [crazyflie(n, n) | {"options": {"host": "tcp/127.0.0.1:7000"}} for n in range(6)],
