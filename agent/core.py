@@ -96,11 +96,14 @@ class AgentCore:
             call(self.policy.share, mission.policy)
         self._opened = rehearsal
         self._rules, self._shape = rules_of(mission), shape_of(mission)
-        self._work = empty_work(agents)
+        rounds = self.policy.rounds if isinstance(self.policy, Compiled) else 0
+        self._work = empty_work(agents, rounds)
         self.command = np.zeros((len(agents), 2))
-        self._memory = empty_memory(len(agents), mission.agents)
+        self._memory = empty_memory(len(agents), mission.agents, rounds > 0)
         self._views = empty_views(len(agents), mission.agents)
-        self._endpoints = SlotEndpoints(mission, agents, initial_slots, self._views, boot, seals_of)
+        self._endpoints = SlotEndpoints(
+            mission, agents, initial_slots, self._views, boot, seals_of, rounds > 0
+        )
         self._inputs: Inputs | None = None
 
     def restart(self, row: int, tick: int, boot: int) -> None:

@@ -9,14 +9,15 @@ from agent.control.surroundings import Discs, Neighbours
 from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
 from protocols.relative import NEVER, UNKNOWN
-from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE
+from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE, RELAYED
 from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES
 
 
 class Memory(NamedTuple):
     """Shapes: A hosted drones, N drones of the swarm, K = MAX_NEAR, M = MAX_OBSTACLES.
 
-    heard_*: (A, N, ...) what the last frame of each drone said, and how it had accelerated [m/s^2]. last_seen: (A, N) tick at
+    heard_*: (A, N, ...) what the last frame of each drone said, and how it had accelerated [m/s^2]; heard_relayed only where the
+    policy asks for it. last_seen: (A, N) tick at
     which anybody, as far as is known here, last heard each drone. hops, rel, freshest: multi-hop relative positions
     (protocols.relative). began: (A,) tick from which the drone has listened.
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
@@ -29,6 +30,7 @@ class Memory(NamedTuple):
     heard_motion: NDArray[np.float32]
     heard_acceleration: NDArray[np.float64]
     heard_observation: NDArray[np.int16]
+    heard_relayed: NDArray[np.int16]
     heard_one_hop: NDArray[np.int64]
     heard_count: NDArray[np.int64]
     heard_known: NDArray[np.uint16]
@@ -73,13 +75,14 @@ def discs_of(memory: Memory, row: int) -> Discs:
     )
 
 
-def empty_memory(rows: int, agents: int) -> Memory:
-    """A memory of nothing; every drone counts as seen at tick 0."""
+def empty_memory(rows: int, agents: int, relays: bool = False) -> Memory:
+    """A memory of nothing; every drone counts as seen at tick 0. ``relays``: there is room for relayed means."""
     return Memory(
         heard_tick=np.full((rows, agents), NEVER),
         heard_motion=np.zeros((rows, agents, 4), np.float32),
         heard_acceleration=np.zeros((rows, agents, 2)),
         heard_observation=np.zeros((rows, agents, OBSERVATION_SIZE), np.int16),
+        heard_relayed=np.zeros((rows, agents, RELAYED if relays else 0, OBSERVATION_SIZE), np.int16),
         heard_one_hop=np.zeros((rows, agents), np.int64),
         heard_count=np.zeros((rows, agents), np.int64),
         heard_known=np.zeros((rows, agents, MAX_KNOWN), np.uint16),

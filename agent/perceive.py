@@ -1,12 +1,11 @@
 """From sensors and heard frames to what a drone knows: neighbours, relative positions, obstacles, who is alive."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.heard import find_heard, keep_clear, note_acceleration
 from agent.memory import Memory, put_neighbour
+from agent.relay import fixed_point, mean_over_neighbours
 from agent.tick_arrays import Rules, Work
 from protocols.dynamics import TICK_S, vector
 from protocols.kernels import inlined_kernel
@@ -17,7 +16,8 @@ from protocols.wire.frames import (
     AGE_WINDOW,
     MAX_KNOWN,
     OBSERVATION_SIZE,
-    OBSERVATION_UNIT,
+    RELAYING,
+    VERSION,
     Frames,
 )
 from protocols.wire.sensed import Sensed
@@ -68,6 +68,11 @@ def hear_frame(memory: Memory, row: int, frames: Frames, index: int, radio: Radi
         before[place] = motion[place]
     for place in range(OBSERVATION_SIZE):
         memory.heard_observation[row, sender, place] = frames.observation[index, place]
+    for passed_on in range(memory.heard_relayed.shape[2]):
+        told = frames.version[index] == RELAYING
+        for place in range(OBSERVATION_SIZE):
+            said = frames.relayed[index, passed_on, place] if told else np.int16(0)
+            memory.heard_relayed[row, sender, passed_on, place] = said
     count = np.int64(frames.known_count[index])
     memory.heard_one_hop[row, sender] = frames.one_hop[index]
     memory.heard_count[row, sender] = count
@@ -150,6 +155,7 @@ def perceive_row(
     chain_displacements(
         me, tick, rules.radio, near, heard, memory.hops[row], memory.rel[row], memory.freshest[row]
     )
+    mean_over_neighbours(tick, row, rules.radio, memory, work.means[row])
     if not rules.by_sensor:
         keep_clear(memory, row, me, tick, sensed, rules)
 
@@ -168,8 +174,12 @@ def compose_row(
         frames.motion[out, axis] = sensed.position[row, axis]
         frames.motion[out, 2 + axis] = sensed.velocity[row, axis]
     for index in range(observation.shape[1]):
-        scaled = observation[row, index] * OBSERVATION_UNIT
-        frames.observation[out, index] = np.int16(math.floor(min(max(scaled, -32767.0), 32767.0) + 0.5))
+        frames.observation[out, index] = fixed_point(observation[row, index])
+    rounds = work.means.shape[1]
+    frames.version[out] = RELAYING if rounds > 1 else VERSION
+    for passed_on in range(min(rounds - 1, frames.relayed.shape[1])):
+        for index in range(observation.shape[1]):
+            frames.relayed[out, passed_on, index] = fixed_point(work.means[row, passed_on, index])
     count = 0
     frames.one_hop[out] = 0
     for distance in range(1, min(2, max_hops - 1) + 1):

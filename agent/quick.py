@@ -23,7 +23,7 @@ from agent.radio.hearing import Ears, entry_end, hear_entry
 from agent.tick import perceive_all, secure_all
 from agent.tick_arrays import TickArrays
 from protocols.kernels import inlined_kernel
-from protocols.wire.frames import KNOWN_BYTES
+from protocols.wire.frames import RELAYED_BYTES, RELAYING, body_bytes
 from protocols.wire.messages import MAX_HEARD, REPLY_HEAD, REPLY_MARK, TICK_HEAD, TICK_MARK
 from protocols.wire.rows import get_number, put_bytes, put_number
 from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES
@@ -117,7 +117,9 @@ def end_tick(tick: int, quick: Quick) -> int:
         put_bytes(answer, at, frames.fixed_bytes[own], 0, fixed_size)
         put_bytes(answer, at + fixed_size, frames.known_bytes[own], 0, 2 * known)
         put_bytes(answer, at + fixed_size + 2 * known, frames.displacement_bytes[own], 0, 8 * known)
-        frame_size = fixed_size + KNOWN_BYTES * known
+        if frames.version[own] == RELAYING:
+            put_bytes(answer, at + fixed_size + 10 * known, frames.relayed_bytes[own], 0, RELAYED_BYTES)
+        frame_size = body_bytes(frames, own)
     put_number(answer, 0, REPLY_MARK, 4)
     put_number(answer, 4, quick.process, 4)
     put_number(answer, 8, tick, 4)

@@ -19,7 +19,7 @@ from protocols.slots.highest_version import VersionedParty
 from protocols.slots.notes import MAX_OPS
 from protocols.slots.seals import Seals
 from protocols.slots.trigger import NOBODY
-from protocols.wire.frames import FIXED, KNOWN_BYTES, MAX_FRAME_BYTES, MAX_KNOWN
+from protocols.wire.frames import FIXED, KNOWN_BYTES, MAX_FRAME_BYTES, MAX_KNOWN, RELAYED_BYTES
 
 _NOTE_BYTES, _DEAL_BYTES, _SWAP_BYTES = 13, 180, 158  # of a note without more, none of them ever more
 
@@ -64,14 +64,16 @@ class SlotEndpoint(Protocol):
         """What its next frame says. Counts as said."""
 
 
-def swaps_per_note(agents: int) -> int:
-    """How many sealed swaps a frame has room for, however much else it carries."""
-    frame = FIXED.itemsize + KNOWN_BYTES * min(agents - 1, MAX_KNOWN)
+def swaps_per_note(agents: int, relays: bool = False) -> int:
+    """How many sealed swaps a frame has room for, however much else it carries; ``relays``: relayed means, too."""
+    frame = FIXED.itemsize + KNOWN_BYTES * min(agents - 1, MAX_KNOWN) + relays * RELAYED_BYTES
     return min(MAX_OPS, (MAX_FRAME_BYTES - frame - _NOTE_BYTES - _DEAL_BYTES - agents // 8) // _SWAP_BYTES)
 
 
-def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int, seals: Seals) -> SlotEndpoint:
-    """The side of drone ``me`` in the mission's protocol."""
+def make_endpoint(
+    mission: Mission, me: int, initial: list[int], boot: int, seals: Seals, relays: bool = False
+) -> SlotEndpoint:
+    """The side of drone ``me`` in the mission's protocol; ``relays``: its frames carry relayed means."""
     spec = mission.swap
     answer = mission.answer_ticks
     rules = SwapRules(
@@ -79,7 +81,7 @@ def make_endpoint(mission: Mission, me: int, initial: list[int], boot: int, seal
         answer_ticks=answer,
         lock_ticks=2 * answer,
         retry_ticks=10,
-        repair_per_frame=swaps_per_note(mission.agents),
+        repair_per_frame=swaps_per_note(mission.agents, relays),
         leaders=tuple(map(int, mission.layout.parent)),
     )
     party = SlotParty if spec.protocol == "agreed" else VersionedParty
@@ -97,12 +99,13 @@ class SlotEndpoints:
         views: Views,
         boot: int,
         seals_of: SealsOf,
+        relays: bool,
     ) -> None:
-        self._seals_of = seals_of
+        self._seals_of, self._relays = seals_of, relays
         self._mission, self._me, self._views = mission, me, views
         self._initial = [[int(slot) for slot in row] for row in initial_slots]
         self.endpoint = [
-            make_endpoint(mission, int(agent), self._initial[row], boot, seals_of(int(agent)))
+            make_endpoint(mission, int(agent), self._initial[row], boot, seals_of(int(agent)), relays)
             for row, agent in enumerate(me)
         ]
         self._busy = boot > 0  # whether any party was busy when last looked at
@@ -114,7 +117,7 @@ class SlotEndpoints:
         self._busy = True
         agent = int(self._me[row])
         self.endpoint[row] = make_endpoint(
-            self._mission, agent, self._initial[row], boot, self._seals_of(agent)
+            self._mission, agent, self._initial[row], boot, self._seals_of(agent), self._relays
         )
         self._refresh(row)
 

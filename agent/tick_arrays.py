@@ -50,8 +50,9 @@ class Work(NamedTuple):
     """One tick's inputs and results. Row r hears frames ``inbox[inbox_start[r]:inbox_start[r + 1]]``.
 
     me, awake: (A,). target_position, target_velocity: (A, 2) the virtual target now (agent.target) [m], [m/s]. chain_error,
-    slot_error: (A, 2) [m]. observation: (A, 18). partner, vacated: (A,) whom to swap with, whose place to take, or NOBODY.
-    news: (A,) whether the slot protocol has something to attend to. sent: (A,) a frame was composed.
+    slot_error: (A, 2) [m]. observation: (A, 18). means: (A, L, 18) of the neighbours' (agent.relay), L = 0 where no policy asks.
+    partner, vacated: (A,) whom to swap with, whose place to take, or NOBODY. news: (A,) whether the slot protocol has something
+    to attend to. sent: (A,) a frame was composed.
     """
 
     me: NDArray[np.int64]
@@ -63,6 +64,7 @@ class Work(NamedTuple):
     chain_error: NDArray[np.float64]
     slot_error: NDArray[np.float64]
     observation: NDArray[np.float64]
+    means: NDArray[np.float64]
     partner: NDArray[np.int64]
     vacated: NDArray[np.int64]
     news: NDArray[np.bool_]
@@ -92,8 +94,8 @@ def empty_views(rows: int, agents: int) -> Views:
     )
 
 
-def empty_work(me: NDArray[np.int64]) -> Work:
-    """A tick's arrays for the drones numbered ``me``, all awake, hearing nothing."""
+def empty_work(me: NDArray[np.int64], rounds: int = 0) -> Work:
+    """A tick's arrays for the drones numbered ``me``, all awake, hearing nothing; ``rounds``: of aggregation over the air."""
     rows = len(me)
     return Work(
         me=me,
@@ -105,6 +107,7 @@ def empty_work(me: NDArray[np.int64]) -> Work:
         chain_error=np.zeros((rows, 2)),
         slot_error=np.zeros((rows, 2)),
         observation=np.zeros((rows, OBSERVATION_SIZE)),
+        means=np.zeros((rows, rounds, OBSERVATION_SIZE)),
         partner=np.full(rows, trigger.NOBODY, np.int64),
         vacated=np.full(rows, trigger.NOBODY, np.int64),
         news=np.zeros(rows, np.bool_),

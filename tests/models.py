@@ -33,11 +33,13 @@ def metadata(horizon: int, /, **changes: str) -> dict[str, str]:
 
 def written(path: Path, horizon: int, body: str, /, **changes: str) -> Path:
     """Save a model whose nodes are given in ONNX's own text form, e.g. ``displacement = Identity(plan)``."""
+    said = f"float[B, {PAST}, {NEIGHBOURS}, {SIZE}] heard, float[B, {PAST}, {NEIGHBOURS}] share"
+    if changes.get("aggregation") == "hops":
+        said = f"float[B, {PAST}, {SIZE}] means"
     text = f"""
     <ir_version: 8, opset_import: ["" : 17]>
     policy (
-        float[B, {PAST}, {SIZE}] own, float[B, {PAST}, {NEIGHBOURS}, {SIZE}] heard, float[B, {PAST}, {NEIGHBOURS}] share,
-        float[B, 2] target
+        float[B, {PAST}, {SIZE}] own, {said}, float[B, 2] target
     ) => (float[B, {horizon}, 2] displacement, float[B, {horizon}, 2] acceleration) {{
         {body}
     }}"""

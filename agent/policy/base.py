@@ -97,9 +97,13 @@ class Policy(Protocol):
 
 
 class Compiled:
-    """A policy whose ``act`` is compiled code, which works on the drones' own arrays: the way that costs least."""
+    """A policy whose ``act`` is compiled code, which works on the drones' own arrays: the way that costs least.
+
+    rounds: of aggregation over the air that it asks for (agent.relay).
+    """
 
     many_flights = True
+    rounds = 0
 
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
         """Write the accelerations (A, 2) m/s^2 of the awake rows into ``wanted``, the same array every time."""

@@ -64,14 +64,16 @@ class Learned(Compiled):
         ):  # raw plans hold no accelerations to follow; an action is carried out as it is
             following = following._replace(required=facts.output == "raw")
         self._following = following
-        self._inputs = [name for name in ("own", "heard", "share", "target", "extra") if name in facts.shapes]
+        self._inputs = [name for name in facts.shapes if name not in _OUTPUTS]
+        self.rounds = facts.rounds
         self._session: Any = None
         self._make_room(np.zeros((0, 2)))
 
     def _make_room(self, wanted: NDArray[np.float64]) -> None:
         facts, rows = self.model.facts, len(wanted)
-        self._history = empty_history(rows, facts.past, facts.neighbours)
-        self._question = empty_question(rows, facts.past, facts.neighbours)
+        neighbours = 0 if facts.rounds else facts.neighbours
+        self._history = empty_history(rows, facts.past, neighbours)
+        self._question = empty_question(rows, facts.past, neighbours, facts.rounds)
         self._plans = empty_plans(rows, facts.horizon)
         self._wanted = wanted
         self._planner = by_reference(

@@ -9,6 +9,7 @@ from agent.control.follow import Following, Plan, follow_row
 from agent.memory import Memory, discs_of, neighbours_of
 from agent.observation import WIDE_SIZE, aim_of, compressed, observe_wide_row
 from agent.quick import RARE, Quick, begin_tick, end_tick, tick_of
+from agent.relay import tells
 from agent.tick_arrays import Rules, TickArrays, Work
 from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel, kernel
@@ -21,7 +22,8 @@ DUE = -2  # for a plan
 class History(NamedTuple):
     """What each row saw and heard at its last L ticks, newest last.
 
-    own: (A, L, 18). heard: (A, L, K, 18). share: (A, L, K). blank: (A,) whether the row has seen nothing yet.
+    own: (A, L, 18). heard: (A, L, K, 18). share: (A, L, K). blank: (A,) whether the row has seen nothing yet. K = 0 where the
+    model takes means over the air instead.
     """
 
     own: NDArray[np.float32]
@@ -37,6 +39,7 @@ class Question(NamedTuple):
     own: NDArray[np.float32]
     heard: NDArray[np.float32]
     share: NDArray[np.float32]
+    means: NDArray[np.float32]
     target: NDArray[np.float32]
     extra: NDArray[np.float32]
 
@@ -60,13 +63,14 @@ def empty_history(rows: int, past: int, neighbours: int) -> History:
     )
 
 
-def empty_question(rows: int, past: int, neighbours: int) -> Question:
-    """Room for the inputs of ``rows`` rows."""
+def empty_question(rows: int, past: int, neighbours: int, rounds: int) -> Question:
+    """Room for the inputs of ``rows`` rows; ``rounds``: of aggregation over the air."""
     return Question(
         row=np.zeros(rows, np.int64),
         own=np.zeros((rows, past, OBSERVATION_SIZE), np.float32),
         heard=np.zeros((rows, past, neighbours, OBSERVATION_SIZE), np.float32),
         share=np.zeros((rows, past, neighbours), np.float32),
+        means=np.zeros((rows, rounds, OBSERVATION_SIZE), np.float32),
         target=np.zeros((rows, 2), np.float32),
         extra=np.zeros((rows, WIDE_SIZE), np.float32),
     )
@@ -127,9 +131,7 @@ def _note_row(tick: int, row: int, rules: Rules, work: Work, memory: Memory, his
         own[last, index] = work.observation[row, index]
     count = 0
     for other in range(memory.heard_tick.shape[1]):
-        age = tick - memory.heard_tick[row, other]
-        believed = age == 1 or (age <= rules.radio.memory_ticks and memory.hops[row, other] == 1)
-        if believed and count < places:
+        if count < places and tells(tick, row, other, rules.radio, memory):
             for index in range(OBSERVATION_SIZE):
                 heard[last, count, index] = memory.heard_observation[row, other, index] / OBSERVATION_UNIT
             count += 1
@@ -151,6 +153,10 @@ def _ask_row(
     question.row[place] = row
     for step in range(history.own.shape[1]):
         _copy_tick(history, row, step, question, place, step)
+    rounds = question.means.shape[1]
+    for passed_on in range(rounds):  # the newest information last, as in the history
+        for index in range(OBSERVATION_SIZE):
+            question.means[place, rounds - 1 - passed_on, index] = work.means[row, passed_on, index]
     x, y = compressed(work.chain_error[row, 0], work.chain_error[row, 1])
     question.target[place, 0], question.target[place, 1] = x, y
     observe_wide_row(row, rules.reach_m, memory, question.extra[place])

@@ -30,7 +30,8 @@ class ModelFileError(SwarmError, ValueError):
 class ModelNote(BaseModel):
     """What a note says: how the model is flown, to which file it belongs, and where that came from.
 
-    horizon: ticks it plans. past: ticks it looks back. neighbours: of how many it can hear. replan: ticks from plan to plan.
+    horizon: ticks it plans. past: ticks it looks back. neighbours: of how many it can hear. aggregation: what it knows of them:
+    what they said in the last ``past`` ticks, or means passed on over so many hops. replan: ticks from plan to plan.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -42,6 +43,7 @@ class ModelNote(BaseModel):
     horizon: Annotated[int, Field(ge=1, le=1000)]
     past: Annotated[int, Field(ge=1, le=100)]
     neighbours: Annotated[int, Field(ge=1, le=100)]
+    aggregation: Literal["ticks", "hops"] = "ticks"
     extra: Literal["none", "wide"]
     output: Literal["knots", "raw", "action"]
     replan: Annotated[int, Field(ge=1)]
@@ -51,18 +53,25 @@ class ModelNote(BaseModel):
     commit: str = Field("", description="of the code that trained it")
 
     @property
+    def rounds(self) -> int:
+        """Rounds of aggregation over the air (agent.relay)."""
+        return self.past if self.aggregation == "hops" else 0
+
+    @property
     def shapes(self) -> Shapes:
         """What the model takes and gives."""
         plan = (0, self.horizon, 2)
-        shapes: Shapes = {
-            "own": (0, self.past, OBSERVATION_SIZE),
+        said: Shapes = {
             "heard": (0, self.past, self.neighbours, OBSERVATION_SIZE),
             "share": (0, self.past, self.neighbours),
-            "target": (0, 2),
-            "displacement": plan,
-            "acceleration": plan,
         }
-        return {**shapes, "extra": (0, WIDE_SIZE)} if self.extra == "wide" else shapes
+        if self.rounds:
+            said = {"means": (0, self.rounds, OBSERVATION_SIZE)}
+        extra: Shapes = {"extra": (0, WIDE_SIZE)} if self.extra == "wide" else {}
+        return {
+            "own": (0, self.past, OBSERVATION_SIZE), **said, "target": (0, 2), **extra, "displacement": plan,
+            "acceleration": plan,
+        }  # fmt: skip
 
 
 class Model(NamedTuple):

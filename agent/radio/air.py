@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.slots.notes import SlotNote, decode, encode
-from protocols.wire.frames import FIXED, KNOWN_BYTES, FrameWriter, empty_frames, swarm_tag
+from protocols.wire.frames import (
+    FIXED,
+    KNOWN_BYTES,
+    RELAYED_BYTES,
+    RELAYING,
+    FrameWriter,
+    empty_frames,
+    swarm_tag,
+)
 
 
 class Air:
@@ -59,7 +67,8 @@ class Air:
         """(A,) bytes on the wire of the frames in rows first + r where ``sent`` (A,), else 0."""
         rows = slice(first, first + len(sent))
         known = self.frames.known_count[rows].astype(np.int64)
-        sizes = np.where(sent, FIXED.itemsize + KNOWN_BYTES * known, 0)
+        relayed = RELAYED_BYTES * (self.frames.version[rows] == RELAYING)
+        sizes = np.where(sent, FIXED.itemsize + KNOWN_BYTES * known + relayed, 0)
         for row in np.flatnonzero(sent & (self.frames.loud[rows] > 0)).tolist():
             sizes[row] += _packed_size(self._notes[first + row])
         return sizes

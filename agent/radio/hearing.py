@@ -9,7 +9,7 @@ from agent.ports import Heard
 from agent.radio.air import Air
 from protocols.kernels import by_reference, inlined_kernel, kernel
 from protocols.wire import messages
-from protocols.wire.frames import KNOWN_BYTES, REASONS, Frames, fault, read_frame
+from protocols.wire.frames import REASONS, Frames, body_bytes, fault, read_frame
 from protocols.wire.heard import ENTRY_BYTES
 from protocols.wire.rows import get_number
 
@@ -84,8 +84,7 @@ def _listen(tick: int, at: int, end: int, count: int, ears: Ears) -> int:
         else:
             if frames.loud[good]:
                 loud = True
-                whole = frames.fixed_bytes.shape[1] + KNOWN_BYTES * int(np.int64(frames.known_count[good]))
-                ears.note[good, 0] = at + ENTRY_BYTES + whole
+                ears.note[good, 0] = at + ENTRY_BYTES + body_bytes(frames, good)
                 ears.note[good, 1] = beyond - ears.note[good, 0]
             ears.believed[good] = good
             good += 1

@@ -2,11 +2,12 @@
 
 On the wire a frame is
 
-    one FIXED record | numbers of the known drones | their displacements | slot note
+    one FIXED record | numbers of the known drones | their displacements | relayed means | slot note
 
-where the record says how many drones are known, the numbers are 16 bits each, the displacements pairs of float32, and the slot
-note, as msgpack, is there only if the record says that it is ``loud`` (protocols.slots.notes); a quiet, settled note is no more
-than the record's ``digest``.
+where the record says how many drones are known, the numbers are 16 bits each, the displacements pairs of float32. Relayed means
+are there only if the record's version is `RELAYING`: what its neighbours observed and what theirs did (agent.relay), for the
+policies that ask for it. The slot note, as msgpack, is there only if the record says that it is ``loud`` (protocols.slots.notes);
+a quiet, settled note is no more than the record's ``digest``.
 A receiver checks everything before it believes anything; a bad frame is counted by one of `REASONS` and dropped.
 
 Rows of `Frames` are the decoded form. Drones in one process share the rows instead of packing them, and see exactly
@@ -23,11 +24,12 @@ from numpy.typing import NDArray
 from protocols.kernels import inlined_kernel
 from protocols.wire.rows import bytes_of, put_bytes
 
-VERSION = 2
+VERSION, RELAYING = 2, 3  # of a frame without and with relayed means
 MAX_FRAME_BYTES = 1600
 MAX_KNOWN = 64  # drones one frame can give displacements of
 OBSERVATION_SIZE = 18
 OBSERVATION_UNIT = 2048.0  # observation numbers travel as 16-bit fixed point, +-16
+RELAYED = 2  # means that are passed on: over the sender's neighbours, and over theirs
 AGE_WINDOW = 8  # silence ages told per frame, in turn over all drones
 AGE_UNIT_TICKS = 10
 AGE_NEVER = 255
@@ -56,6 +58,7 @@ FIXED = np.dtype(
     ]
 )
 KNOWN_BYTES = 2 + 8  # of one known drone
+RELAYED_BYTES = 2 * RELAYED * OBSERVATION_SIZE
 _SIZE = FIXED.itemsize
 
 
@@ -63,7 +66,7 @@ class Frames(NamedTuple):
     """Rows of frames. ``fixed`` holds the records; the arrays after it, to ``known_count``, are views of its fields for kernels.
 
     loud: whether the note says more than the digest. known: (R, MAX_KNOWN) agent numbers the sender gives displacements of,
-    nearest hop first. displacement: (R, MAX_KNOWN, 2) metres, that drone minus the sender.
+    nearest hop first. displacement: (R, MAX_KNOWN, 2) metres, that drone minus the sender. relayed: (R, RELAYED, 18) means of X.
     *_bytes: (R, ...) the same as they travel.
     """
 
@@ -83,9 +86,11 @@ class Frames(NamedTuple):
     known_count: NDArray[np.uint8]
     known: NDArray[np.uint16]
     displacement: NDArray[np.float32]
+    relayed: NDArray[np.int16]
     fixed_bytes: NDArray[np.uint8]
     known_bytes: NDArray[np.uint8]
     displacement_bytes: NDArray[np.uint8]
+    relayed_bytes: NDArray[np.uint8]
 
 
 def empty_frames(rows: int, tag: int = 0) -> Frames:
@@ -93,15 +98,18 @@ def empty_frames(rows: int, tag: int = 0) -> Frames:
     fixed = np.zeros(rows, FIXED)
     fixed["version"], fixed["tag"] = VERSION, tag
     known, displacement = np.zeros((rows, MAX_KNOWN), np.uint16), np.zeros((rows, MAX_KNOWN, 2), np.float32)
+    relayed = np.zeros((rows, RELAYED, OBSERVATION_SIZE), np.int16)
     assert FIXED.names is not None
     return Frames(
         fixed=fixed,
         **{name: fixed[name] for name in FIXED.names},
         known=known,
         displacement=displacement,
+        relayed=relayed,
         fixed_bytes=fixed.view(np.uint8).reshape(rows, _SIZE),
         known_bytes=known.view(np.uint8),
         displacement_bytes=displacement.reshape(rows, -1).view(np.uint8),
+        relayed_bytes=relayed.reshape(rows, -1).view(np.uint8),
     )
 
 
@@ -115,25 +123,29 @@ class FrameWriter:
 
     def __init__(self, frames: Frames) -> None:
         self._fixed, self._known = bytes_of(frames.fixed), bytes_of(frames.known)
-        self._displacement, self._count = bytes_of(frames.displacement), frames.known_count
+        self._displacement, self._relayed = bytes_of(frames.displacement), bytes_of(frames.relayed)
+        self._count, self._version = frames.known_count, frames.version
 
     def write(self, row: int, note: bytes = b"") -> bytes:
         """The bytes of one row; ``note``: its slot note, if the row is loud."""
-        count, start = int(self._count[row]), row * MAX_KNOWN
+        count, start, passed_on = int(self._count[row]), row * MAX_KNOWN, row * RELAYED_BYTES
+        relays = self._version[row] == RELAYING
         return (
             self._fixed[row * _SIZE : (row + 1) * _SIZE].tobytes()
             + self._known[2 * start : 2 * (start + count)].tobytes()
             + self._displacement[8 * start : 8 * (start + count)].tobytes()
+            + (self._relayed[passed_on : passed_on + RELAYED_BYTES].tobytes() if relays else b"")
             + note
         )
 
 
 class Frame(NamedTuple):
-    """A frame on the wire, in its four parts."""
+    """A frame on the wire, in its parts."""
 
     fixed: bytes
     known: bytes
     displacement: bytes
+    relayed: bytes
     note: bytes
 
 
@@ -141,8 +153,9 @@ def parts_of(data: bytes) -> Frame:
     """A frame as `FrameWriter` writes it, in its parts. Not for what anybody may have sent."""
     fixed = np.frombuffer(data, FIXED, 1)[0]
     known = _SIZE + 2 * int(fixed["known_count"])
-    note = _SIZE + KNOWN_BYTES * int(fixed["known_count"])
-    return Frame(data[:_SIZE], data[_SIZE:known], data[known:note], data[note:])
+    relayed = _SIZE + KNOWN_BYTES * int(fixed["known_count"])
+    note = relayed + (RELAYED_BYTES if fixed["version"] == RELAYING else 0)
+    return Frame(data[:_SIZE], data[_SIZE:known], data[known:relayed], data[relayed:note], data[note:])
 
 
 def altered(data: bytes, **instead: bytes) -> bytes:
@@ -151,6 +164,13 @@ def altered(data: bytes, **instead: bytes) -> bytes:
     loud = FIXED.fields["loud"][1] if FIXED.fields else 0
     fixed = parts.fixed[:loud] + bytes([parts.note != b""]) + parts.fixed[loud + 1 :]
     return b"".join((fixed, *parts[1:]))
+
+
+@inlined_kernel
+def body_bytes(frames: Frames, row: int) -> int:
+    """Size of the frame in ``row`` but for its slot note."""
+    relayed = RELAYED_BYTES if frames.version[row] == RELAYING else 0
+    return _SIZE + KNOWN_BYTES * int(np.int64(frames.known_count[row])) + relayed
 
 
 @inlined_kernel
@@ -167,16 +187,18 @@ def read_frame(data: NDArray[np.uint8], at: int, size: int, tag: int, frames: Fr
         return _MALFORMED
     put_bytes(frames.fixed_bytes[row], 0, data, at, _SIZE)
     count = int(np.int64(frames.known_count[row]))
-    if frames.version[row] != VERSION:
+    if frames.version[row] != VERSION and frames.version[row] != RELAYING:
         return _VERSION
     if frames.tag[row] != tag:
         return _FOREIGN
     known, displacement = at + _SIZE, at + _SIZE + 2 * count
-    whole, loud = _SIZE + KNOWN_BYTES * count, frames.loud[row]
+    whole, loud = body_bytes(frames, row), frames.loud[row]
     if count > MAX_KNOWN or loud > 1 or size < whole or (size > whole) != (loud == 1):
         return _MALFORMED
     put_bytes(frames.known_bytes[row], 0, data, known, 2 * count)
     put_bytes(frames.displacement_bytes[row], 0, data, displacement, 8 * count)
+    if frames.version[row] == RELAYING:
+        put_bytes(frames.relayed_bytes[row], 0, data, displacement + 8 * count, RELAYED_BYTES)
     return -1
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agent.control.follow import following_of
 from agent.memory import empty_memory, forget
 from agent.observation import WIDE_SIZE
+from agent.relay import COUNTED
 from agent.rules import rules_of, shape_of
 from agent.tick_arrays import TickArrays, empty_views, empty_work
 from protocols.dynamics import TICK_S
@@ -25,7 +26,7 @@ from rsc_swarm.batch.stage import ANALYTIC, EXPERT, FLYING, PAST, PLAN
 from world import field, referee
 from world.outcome import Outcome
 
-NEIGHBOURS = 8  # neighbours noted per drone and tick
+NEIGHBOURS = COUNTED  # noted per drone and tick
 _FAILURES = {stages.COLLIDED: "collision", stages.LATE: "late"}
 
 

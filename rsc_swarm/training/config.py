@@ -1,7 +1,8 @@
 """The training config: everything that decides a trained policy, in one validated, frozen document.
 
 Three are known by name: ``default``, which ships, ``paper``, the paper's to the letter (docs/paper.md), and ``stgnn``, the
-baseline. A file with a config is YAML with the fields below on top of one of these. Units are in the names.
+baseline, taught in the same way. A file with a config is YAML with the fields below on top of one of these. Units are in the
+names.
 """
 
 from pathlib import Path
@@ -46,6 +47,11 @@ class TrainingConfig(BaseModel):
         "wide", description="wide: four obstacles, five neighbours besides X_i"
     )
     past: Annotated[Whole, Field(ge=1, le=PAST)] = Field(PAST, description="past steps L")
+    aggregation: Literal["ticks", "hops"] = Field(
+        "ticks",
+        description="what is known of the neighbours (paper, Eqs. 3, 4); ticks: the mean of their X in each of the last L ticks; "
+        "hops: L rounds over the air, means of means, a tick a hop",
+    )
     width: Annotated[Whole, Field(ge=4, le=1024)] = 128
     heads: Count = 4
     feedforward: Count = 256
@@ -167,36 +173,37 @@ class TrainingConfig(BaseModel):
         return self
 
 
+_PAPER: dict[str, Any] = {
+    "output": "raw",
+    "extra": "none",
+    "width": 256,
+    "dropout": 0.1,
+    "flown": "paper",
+    "expert": "paper",
+    "maps": 500,
+    "hard_share": 0.0,
+    "detour_share": 0.0,
+    "worlds": 20,  # an epoch here is twenty of the paper's: one episode each
+    "rounds": None,
+    "mixing_rule": "paper",
+    "epochs": 200,
+    "updates": 240,
+    "replay": 400_000,
+    "learning_rate": 3e-4,
+    "cosine": False,
+    "weight_decay": 0.0,
+    "averaging": 0.0,
+    "mirror": False,
+    "velocity_weight": 0.0,
+    "outlier_mps2": None,
+    "clip": None,
+    "validation_maps": 8,
+    "plateau": True,
+}
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
-    "paper": {
-        "output": "raw",
-        "extra": "none",
-        "width": 256,
-        "dropout": 0.1,
-        "flown": "paper",
-        "expert": "paper",
-        "maps": 500,
-        "hard_share": 0.0,
-        "detour_share": 0.0,
-        "worlds": 20,  # an epoch here is twenty of the paper's: one episode each
-        "rounds": None,
-        "mixing_rule": "paper",
-        "epochs": 200,
-        "updates": 240,
-        "replay": 400_000,
-        "learning_rate": 3e-4,
-        "cosine": False,
-        "weight_decay": 0.0,
-        "averaging": 0.0,
-        "mirror": False,
-        "velocity_weight": 0.0,
-        "outlier_mps2": None,
-        "clip": None,
-        "validation_maps": 8,
-        "plateau": True,
-    },
-    "stgnn": {"kind": "stgnn", "horizon": 1, "output": "action", "width": 256},
+    "paper": _PAPER,
+    "stgnn": {**_PAPER, "kind": "stgnn", "horizon": 1, "output": "action", "aggregation": "hops"},
 }
 
 

@@ -36,7 +36,7 @@ def describe(path: Path) -> ModelNote:
         _compare(note.shapes, _shapes(document))
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from None
-    write_whole(note_of(path), note.model_dump_json(indent=1) + "\n")
+    write_whole(note_of(path), note.model_dump_json(indent=1, exclude_unset=True) + "\n")
     return note
 
 

@@ -33,13 +33,22 @@ class ModelFile(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(
-        self, own: Tensor, heard: Tensor, share: Tensor, target: Tensor, *extra: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Displacement and acceleration, (B, H, 2) each."""
-        local = torch.cat([target, *extra], -1)
-        displacement, _, acceleration = self.network.plan(self.network.drones(own, heard, share, local))
+    def forward(self, own: Tensor, *others: Tensor) -> tuple[Tensor, Tensor]:
+        """Displacement and acceleration, (B, H, 2) each, from the inputs in the order of `inputs_of`."""
+        said = 1 if self.network.hops else 2
+        local = torch.cat(others[said:], -1)
+        displacement, _, acceleration = self.network.plan(self.network.drones(own, others[:said], local))
         return displacement, acceleration
+
+
+def inputs_of(config: TrainingConfig) -> dict[str, tuple[int, ...]]:
+    """The inputs of the model file by name, in order, and their shapes for one drone."""
+    past = config.past
+    said = {"heard": (past, NEIGHBOURS, OBSERVATION_SIZE), "share": (past, NEIGHBOURS)}
+    if config.aggregation == "hops":
+        said = {"means": (past, OBSERVATION_SIZE)}
+    extra = {"extra": (WIDE_SIZE,)} if config.extra == "wide" else {}
+    return {"own": (past, OBSERVATION_SIZE), **said, "target": (2,), **extra}
 
 
 def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs, path: Path) -> float:
@@ -49,19 +58,15 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
         TrainingError: the file's outputs differ from torch's by more than 1e-5, or that share of the largest where it is above 1.
     """
     model = ModelFile(network).eval()
-    names = ["own", "heard", "share", "target"] + (["extra"] if config.extra == "wide" else [])
-    example = [
-        torch.zeros(2, config.past, OBSERVATION_SIZE),
-        torch.zeros(2, config.past, NEIGHBOURS, OBSERVATION_SIZE),
-    ]
-    example += [torch.zeros(2, config.past, NEIGHBOURS), torch.zeros(2, 2), torch.zeros(2, WIDE_SIZE)]
+    names = list(inputs_of(config))
+    example = tuple(torch.zeros(2, *shape) for shape in inputs_of(config).values())
     outputs = ["displacement", "acceleration"]
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the newer exporter needs one more package and gains nothing here
         exported = Path(folder) / "exported.onnx"
         torch.onnx.export(
             model.cpu(),
-            tuple(example[: len(names)]),
+            example,
             exported,
             input_names=names,
             output_names=outputs,
@@ -97,6 +102,7 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
         "horizon": str(config.horizon),
         "past": str(config.past),
         "neighbours": str(NEIGHBOURS),
+        "aggregation": config.aggregation,
         "extra": config.extra,
         "output": config.output,
         "replan": str(config.replan),

@@ -45,7 +45,7 @@ class PolicyNetwork(nn.Module):
 
     def __init__(self, config: TrainingConfig) -> None:
         super().__init__()
-        self.past = config.past
+        self.past, self.hops = config.past, config.aggregation == "hops"
         self.local_size = TARGET_SIZE + (WIDE_SIZE if config.extra == "wide" else 0)
         self.normal_x = Normal(OBSERVATION_SIZE)
         self.normal_local = Normal(self.local_size)
@@ -62,15 +62,24 @@ class PolicyNetwork(nn.Module):
         X_j(t-1) of the neighbours at t-1 is heard at t, so ``near`` belongs to the ticks of the observations before the
         newest; a later one is not looked at.
         """
-        first = PAST - self.past
-        nodes = self.embed(self.normal_x(observation[:, first:]))
-        mean = neighbour_shares(near[:, first:PAST]).to(nodes.dtype) @ nodes[:, :-1]
-        own, mean = (steps.movedim(1, 2).flatten(0, 1) for steps in (nodes[:, 1:], mean))
+        seen, shares = observation[:, PAST - self.past :], neighbour_shares(near[:, PAST - self.past : PAST])
+        if self.hops:
+            own = self.embed(self.normal_x(seen[:, 1:]))
+            mean = self.embed(self.normal_x(relayed(seen[:, :-1], shares)))
+        else:
+            nodes = self.embed(self.normal_x(seen))
+            own, mean = nodes[:, 1:], shares.to(nodes.dtype) @ nodes[:, :-1]
+        own, mean = (steps.movedim(1, 2).flatten(0, 1) for steps in (own, mean))
         decided = self.decide(own, mean, self.normal_local(local).flatten(0, 1))
         return decided.reshape(*local.shape[:2], decided.shape[-1])
 
-    def drones(self, own: Tensor, heard: Tensor, share: Tensor, local: Tensor) -> Tensor:
-        """Outputs (B, size) from own X_i (B, L, 18), heard X_j (B, L, K, 18), share (B, L, K), local (B, F)."""
+    def drones(self, own: Tensor, said: tuple[Tensor, ...], local: Tensor) -> Tensor:
+        """Outputs (B, size) from own X_i (B, L, 18), local (B, F), and what others said: heard X_j (B, L, K, 18) and share
+        (B, L, K), or where means are passed on, these alone (B, L, 18)."""
+        if self.hops:
+            nodes = self.embed(self.normal_x(torch.stack([own, said[0]], 2)))
+            return self.decide(nodes[:, :, 0], nodes[:, :, 1], self.normal_local(local))
+        heard, share = said
         nodes = self.embed(self.normal_x(torch.cat([own[:, :, None], heard], 2)))
         mean = (share[..., None, :] @ nodes[:, :, 1:]).squeeze(-2)
         return self.decide(nodes[:, :, 0], mean, self.normal_local(local))
@@ -93,6 +102,18 @@ def neighbour_shares(near: Tensor) -> Tensor:
         *near.shape[:-1], drones + 1
     )  # one more column takes the places without a neighbour
     return weights.scatter_add_(-1, torch.where(used, near, drones).long(), share)[..., :drones]
+
+
+def relayed(observation: Tensor, shares: Tensor) -> Tensor:
+    """(G, L, N, 18) means passed on until now (agent.relay), over L hops first: what was observed at a tick, (G, L, N, 18),
+    averaged over the neighbours, shares (G, L, N, N), of that tick and of each one after it."""
+    means = []
+    for begin in range(observation.shape[1]):
+        mean = observation[:, begin]
+        for step in range(begin, observation.shape[1]):
+            mean = shares[:, step].to(mean.dtype) @ mean
+        means.append(mean)
+    return torch.stack(means, 1)
 
 
 class RscNetwork(PolicyNetwork):
@@ -156,7 +177,8 @@ class NewestToken(nn.Module):
 
 
 class StgnnNetwork(PolicyNetwork):
-    """The baseline of Tolstaya et al. and Chen et al.: delayed means of the neighbours' X_j (paper, eq. 4) into an MLP."""
+    """The baseline of Tolstaya et al. and Chen et al.: own X_i and delayed means (paper, Eq. 4) into an MLP; with aggregation
+    ``hops`` as they have it, over K = L hops."""
 
     def __init__(self, config: TrainingConfig) -> None:
         super().__init__(config)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocols.mission.document import parse_mission
-from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, REASONS, VERSION, altered, swarm_tag
+from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, REASONS, RELAYING, altered, swarm_tag
 from protocols.wire.messages import (
     make_tick,
 )
@@ -72,7 +72,7 @@ def nested(deep: int) -> list[Any]:
         (b"", "malformed"),
         (b"\xc1 no frame", "malformed"),
         (bytes(MAX_FRAME_BYTES + 1), "oversized"),
-        (patched("version", VERSION + 1), "version"),
+        (patched("version", RELAYING + 1), "version"),
         (patched("tag", swarm_tag("other")), "foreign"),
         (GOOD[0][: FIXED.itemsize + 1], "malformed"),
         (patched("loud", 1, altered(GOOD[0], note=b"")), "malformed"),

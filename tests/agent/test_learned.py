@@ -101,6 +101,22 @@ def test_the_model_hears_its_neighbours_observations_one_tick_old(notebook: Note
         assert second["share"][row, -1] == pytest.approx(share)
 
 
+def test_what_is_passed_on_comes_a_tick_and_a_hop_later(notebook: Notebook, tmp_path: Path) -> None:
+    """Round l is the mean, over neighbours, of their round l - 1 a tick before, as the frames carried it."""
+    path = written(tmp_path / "hops.onnx", HORIZON, straight_on(HORIZON), aggregation="hops")
+    still = {"radius_m": 0}
+    simulation = Simulation([task(path, trajectory={"replan_ticks": 1}, start=still)])
+    before = np.zeros((4, 6, 18))  # rounds 0 (own) to 3
+    for tick in range(5):
+        simulation.tick()
+        means = notebook.asked[-1]["means"][:, ::-1].swapaxes(0, 1)
+        near = simulation.agents._memory.hops == 1
+        expected = np.stack([near @ told / near.sum(1)[:, None] for told in before[:3]])
+        assert np.allclose(means, expected, atol=3 / OBSERVATION_UNIT), tick
+        before = np.concatenate([simulation.agents._work.observation[None], means])
+        assert means.any() == (tick > 0)
+
+
 def test_frames_that_fail_to_come_are_believed_for_a_while(notebook: Notebook, model: Path) -> None:
     radio = {"frame_rate_hz": 10, "memory_s": 0.2}
     fields = {"trajectory": {"replan_ticks": 1}, "start": {"radius_m": 0}, "radio": radio}

@@ -17,6 +17,8 @@ from protocols.wire.frames import (
     MAX_KNOWN,
     OBSERVATION_SIZE,
     REASONS,
+    RELAYED,
+    RELAYING,
     FrameWriter,
     empty_frames,
     swarm_tag,
@@ -99,6 +101,9 @@ def frames() -> Iterator[bytes]:
         rows.displacement[0, :count] = draw.normal(0, 6, (count, 2))
         rows.loud[0], rows.digest[0] = not (note.quiet and note.settled), note.digest
         yield FrameWriter(rows).write(0, packed(encode(note)) if rows.loud[0] else b"")
+    rows.loud[0], rows.version[0] = 0, RELAYING
+    rows.relayed[0] = draw.integers(-32768, 32768, (RELAYED, OBSERVATION_SIZE))
+    yield FrameWriter(rows).write(0)
 
 
 def heard() -> Iterator[bytes]:

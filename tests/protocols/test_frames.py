@@ -17,6 +17,8 @@ from protocols.wire.frames import (
     MAX_FRAME_BYTES,
     MAX_KNOWN,
     OBSERVATION_SIZE,
+    RELAYED,
+    RELAYING,
     VERSION,
     Frames,
     FrameWriter,
@@ -31,7 +33,7 @@ TAG = swarm_tag("rsc")
 NOW, OLDEST = 1000, 200
 
 
-def drawn(seed: int, count: int = 5) -> Frames:
+def drawn(seed: int, count: int = 5, relays: bool = False) -> Frames:
     """One row of a frame such as a drone might send at tick NOW - 1, knowing ``count`` drones."""
     draw = np.random.default_rng(seed)
     frames = empty_frames(1, TAG)
@@ -44,11 +46,13 @@ def drawn(seed: int, count: int = 5) -> Frames:
     frames.one_hop[0] = draw.integers(0, count + 1)
     frames.known[0, :count] = draw.integers(0, AGENTS, count)
     frames.displacement[0, :count] = draw.normal(0, 6, (count, 2))
+    frames.version[0] = RELAYING if relays else VERSION
+    frames.relayed[0] = draw.integers(-32768, 32768, (RELAYED, OBSERVATION_SIZE))
     return frames
 
 
-def good(seed: int = 0, count: int = 5, note: bytes = b"", tag: int = TAG) -> bytes:
-    frames = drawn(seed, count)
+def good(seed: int = 0, count: int = 5, note: bytes = b"", tag: int = TAG, relays: bool = False) -> bytes:
+    frames = drawn(seed, count, relays)
     frames.loud[0], frames.tag[0] = note != b"", tag
     return FrameWriter(frames).write(0, note)
 
@@ -90,9 +94,9 @@ def with_field(name: str, value: Any, note: bytes = b"") -> bytes:
     return record.tobytes() + data[FIXED.itemsize :]
 
 
-@given(seed=st.integers(0, 2**32), count=st.integers(0, MAX_KNOWN))
-def test_what_is_written_is_what_is_read(seed: int, count: int) -> None:
-    sent, listener = drawn(seed, count), Listener()
+@given(seed=st.integers(0, 2**32), count=st.integers(0, MAX_KNOWN), relays=st.booleans())
+def test_what_is_written_is_what_is_read(seed: int, count: int, relays: bool) -> None:
+    sent, listener = drawn(seed, count, relays), Listener()
     sent.loud[0] = 1
     heard = listener.air.frames
     before = heard.fixed_bytes[[0, 2, 3]].copy()
@@ -105,6 +109,7 @@ def test_what_is_written_is_what_is_read(seed: int, count: int) -> None:
     assert heard.fixed[row] == sent.fixed[0]
     assert heard.known[row, :count].tolist() == sent.known[0, :count].tolist()
     assert heard.displacement[row, :count].tobytes() == sent.displacement[0, :count].tobytes()
+    assert np.array_equal(heard.relayed[row], sent.relayed[0]) == relays
     # The rows after it are untouched.
     assert np.array_equal(heard.fixed_bytes[[2, 3]], before[1:])
     assert not heard.known[[2, 3]].any()
@@ -118,7 +123,7 @@ def test_the_views_of_a_row_are_its_record() -> None:
 
 def test_the_fullest_frame_fits_the_limit() -> None:
     # 200 bytes are left for a loud slot note.
-    assert len(good(count=MAX_KNOWN)) <= MAX_FRAME_BYTES - 200
+    assert len(good(count=MAX_KNOWN, relays=True)) <= MAX_FRAME_BYTES - 200
 
 
 def test_a_frame_of_ten_bytes_per_known_drone_stays_small() -> None:
@@ -147,7 +152,12 @@ def test_a_frame_of_ten_bytes_per_known_drone_stays_small() -> None:
         (altered(good(), note=NOTE + b"\x00"), "malformed"),
         (altered(good(), note=msgpack.packb(5)), "malformed"),
         (altered(good(), note=NOTE), None),
-        (with_field("version", VERSION + 1), "version"),
+        (with_field("version", RELAYING + 1), "version"),
+        (with_field("version", RELAYING), "malformed"),
+        (good(relays=True), None),
+        (good(relays=True)[:-1], "malformed"),
+        (altered(good(relays=True), note=NOTE), None),
+        (altered(good(relays=True), relayed=b""), "malformed"),
         (with_field("tag", TAG ^ 1), "foreign"),
         (altered(good(), known=np.full(5, AGENTS, np.uint16).tobytes()), "sender"),
         (altered(good(), known=np.full(5, 65535, np.uint16).tobytes()), "sender"),

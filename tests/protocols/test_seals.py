@@ -11,7 +11,14 @@ from protocols.slots.history import MAX_LEAP, Swap, pack_swap
 from protocols.slots.notes import Acceptance, Proposal, Refusal, decode
 from protocols.slots.seals import SEAL_BYTES, Sealed, Stamps
 from protocols.slots.signatures import KEY_BYTES, Signatures, public_key
-from protocols.wire.frames import MAX_FRAME_BYTES, MAX_KNOWN, FrameWriter, empty_frames
+from protocols.wire.frames import (
+    MAX_FRAME_BYTES,
+    MAX_KNOWN,
+    RELAYING,
+    VERSION,
+    FrameWriter,
+    empty_frames,
+)
 
 PRIVATE = [bytes([agent]) * KEY_BYTES for agent in range(3)]
 PUBLIC = [public_key(key) for key in PRIVATE]
@@ -148,8 +155,10 @@ def test_a_false_word_on_who_has_had_a_swap_keeps_it_from_nobody_who_shows_that_
 
 
 @pytest.mark.parametrize("agents", [2, 4, 25, 36, 64, 65, 100, 250])
-def test_the_largest_note_fits_into_a_frame(agents: int) -> None:
+@pytest.mark.parametrize("relays", [False, True])
+def test_the_largest_note_fits_into_a_frame(agents: int, relays: bool) -> None:
     frames = empty_frames(1)
+    frames.version[0] = RELAYING if relays else VERSION
     frames.fixed["known_count"] = min(agents - 1, MAX_KNOWN)
     swap = Sealed(Swap(LAST, agents - 1, LAST, agents - 1, 0, agents - 2), bytes(2 * SEAL_BYTES))
     note = SlotNote(
@@ -158,8 +167,8 @@ def test_the_largest_note_fits_into_a_frame(agents: int) -> None:
         amnesiac=True,
         acceptance=Acceptance(agents - 1, LAST, LAST, bytes(SEAL_BYTES)),
         refusals=(Refusal(agents - 1, LAST),) * 8,
-        ops=(swap,) * swaps_per_note(agents),
+        ops=(swap,) * swaps_per_note(agents, relays),
         had=(1 << agents) - 1,
     )
-    assert swaps_per_note(agents) >= 4
+    assert swaps_per_note(agents, relays) >= 3
     assert len(FrameWriter(frames).write(0, msgpack.packb(encode(note)))) <= MAX_FRAME_BYTES

@@ -22,7 +22,7 @@ def test_the_paper_has_its_own_shape():
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("widht: 3", "widht: unknown field; known here: agents, averaging, batch"),
+        ("widht: 3", "widht: unknown field; known here: agents, aggregation, averaging, batch"),
         ("horizon: 0", "horizon: input should be greater than or equal to 1, not 0"),
         ("width: 30", "width: 30 is not a multiple of 4 heads"),
         ("replan_ticks: 21", "replan_ticks: 21 is beyond the horizon; give at most 20"),

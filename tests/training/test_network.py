@@ -19,6 +19,8 @@ KINDS = [
     {"horizon": 1},
     {"output": "raw"},
     {"kind": "stgnn", "horizon": 1, "output": "action"},
+    {"aggregation": "hops"},
+    {"kind": "stgnn", "horizon": 1, "output": "action", "aggregation": "hops", "past": 2},
 ]
 
 
@@ -45,8 +47,9 @@ def test_whole_swarms_and_single_drones_get_the_same_answer(fields):
         torch.from_numpy(near).transpose(0, 1),
         torch.from_numpy(local),
     )
-    own, heard, share = (torch.from_numpy(values) for values in inputs[:3])
-    single = network.drones(own, heard, share, torch.from_numpy(local).flatten(0, 1))
+    own, heard, share, means = (torch.from_numpy(values) for values in inputs[:4])
+    said = (means,) if network.hops else (heard, share)
+    single = network.drones(own, said, torch.from_numpy(local).flatten(0, 1))
     torch.testing.assert_close(whole.flatten(0, 1), single, rtol=0, atol=1e-5)
 
 
@@ -57,6 +60,18 @@ def test_what_is_heard_is_one_tick_old():
     assert neighbour >= 0
     np.testing.assert_array_equal(inputs.heard[1 * 5 + 3, -1, 0], observation[2, 1, neighbour])
     np.testing.assert_array_equal(inputs.own[1 * 5 + 3, -1], observation[3, 1, 3])
+
+
+def test_a_mean_passed_on_is_one_tick_and_one_hop_older():
+    """Drone 0 hears 1, who hears 2, who hears 3: what each saw comes to 0 one after the other."""
+    observation = np.zeros((4, 1, 4, 18), np.float32)
+    for tick in range(4):
+        observation[tick, 0, :, 0] = 10 * tick + np.arange(4)
+    near = np.full((3, 1, 4, 8), -1, np.int16)
+    near[:, 0, :3, 0] = [1, 2, 3]
+    inputs = model_inputs(observation, near, np.zeros((1, 4, 2)), np.zeros((1, 4, WIDE_SIZE)))
+    assert inputs.means[0, :, 0].tolist() == [3, 12, 21]  # three hops first: of tick 0, 1 and 2
+    assert inputs.means[2, :, 0].tolist() == [0, 0, 23]  # nobody told drone 3 anything
 
 
 def test_the_mean_is_over_those_who_are_there():
