@@ -31,6 +31,7 @@ from protocols.wire.vehicles import Kind, Order
 _CONNECTION = re.compile(r"(udpin|udpout|tcp):[^:/?\s]+:\d{1,5}|serial:/[^:?\s]+:\d{1,8}", re.ASCII)
 _SYSTEM, _COMPONENT = 255, 191  # a ground station's number: ArduPilot's failsafe counts its heartbeats
 _HEARTBEAT_S, _ASK_AGAIN_S, _SOON_S, _WAIT_S = 1.0, 0.5, 0.015, 0.005
+_ASKED_TIMES = 3  # one may be lost
 _MOST_MESSAGES = 500  # read at one look
 # Messages by their numbers, and how often they are wanted: heartbeat, status, attitude, local position, extended state.
 _STREAMS_HZ = {0: 5, 1: 2, 30: 25, 32: 50, 245: 5}
@@ -73,6 +74,7 @@ class MavlinkVehicle(Ordered):
         self._heard = Telemetry(self._address.system, self._address.autopilot, rig.start)
         self._leader: Leader | None = None
         self._heartbeat_at = self._asked_at = self._fly_at = -math.inf
+        self._asked_streams = 0
 
     # The port
 
@@ -167,7 +169,9 @@ class MavlinkVehicle(Ordered):
             mav.param_request_read_send(heard.system, 1, name.encode(), -1)
         if self._origin and not heard.has_origin:
             mav.set_gps_global_origin_send(heard.system, *self._origin)
-        if now - heard.measured_at > 1.0 or math.isnan(heard.battery):
+        # At first in any case, for what comes by itself may come seldom: heartbeats, which tell who leads it, once a second.
+        self._asked_streams += 1
+        if self._asked_streams <= _ASKED_TIMES or now - heard.measured_at > 1.0 or math.isnan(heard.battery):
             for number, hz in _STREAMS_HZ.items():
                 self._command(_SET_INTERVAL, number, 1e6 / hz)
 

@@ -128,7 +128,7 @@ class FakeAutopilot:
     def _wanted(self) -> Goal | None:
         x, y, z = self.motion.p
         if self.custom_mode == self.make.land:
-            return Goal((None, None, None), (0.0, 0.0, -_LAND_MPS), yaw=self.motion.yaw)
+            return Goal((x, y, None), (0.0, 0.0, -_LAND_MPS), yaw=self.motion.yaw)
         if self.custom_mode != self.make.led:
             return None if self.landed else Goal((None, None, z))  # a pilot whose hands are off: it drifts
         if self._climbing_to is not None:

@@ -6,18 +6,16 @@ import math
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
 
 from protocols.closing import Closing
 from rsc_swarm.air.plans import read_plan
 from tests.fakes.motion import Motion
-from tests.fakes.udp import Wires, free_ports
-from tests.scenarios.fleets import EXAMPLES, Fleet
+from tests.fakes.udp import Wires
+from tests.scenarios.fleets import Fleet
+from tests.scenarios.vehicles import KINDS, Vehicles
 
-STARTS = [drone["start_m"] for drone in yaml.safe_load((EXAMPLES / "room.yaml").read_text())["drones"]]
 OFF_THE_GROUND_M = 0.1
 # Of the ticks: on a machine that cannot keep up all still land safely, but perhaps not in formation.
 MOST_MISSED = 0.01
@@ -55,8 +53,9 @@ class Ruler(Closing):
         self._thread.join()
 
 
-def fly_the_mission(folder: Path, drones: list[dict[str, Any]], wires: Wires, motions: list[Motion]) -> None:
+def fly_the_mission(folder: Path, vehicles: Vehicles) -> None:
     """Take off, form, pass the obstacle, land; nobody comes too near to anybody, falls, or misses its slot."""
+    drones, wires, motions = vehicles
     fleet = Fleet(folder, drones=drones, guard=PATIENCE)
     plan = read_plan(fleet.file)
     with fleet.in_the_air(), Ruler(wires, motions) as ruler:
@@ -73,36 +72,9 @@ def fly_the_mission(folder: Path, drones: list[dict[str, Any]], wires: Wires, mo
         assert max(report["slot_error_m"] for report in reports) <= SLOT_ERROR_M
 
 
-def test_six_crazyflies_fly_the_mission_behind_two_radio_hosts(tmp_path: Path) -> None:
-    pytest.importorskip("cflib", reason="the extra 'radio' is not installed")
-    from tests.fakes.crazyflie import FakeCrazyflie
-
-    fakes = [FakeCrazyflie((x, y, 0.0)) for x, y in STARTS]
-    with Wires(fakes) as wires:
-        hosts = [f"tcp/127.0.0.1:{port}" for port in free_ports(2)]
-        drones = [
-            {
-                "number": number,
-                "body": f"crazyflie:udp://127.0.0.1:{port}",
-                "dongle": number // 3,
-                "options": {"host": hosts[number // 3]},
-                "start_m": start,
-            }
-            for number, (port, start) in enumerate(zip(wires.ports, STARTS, strict=True))
-        ]
-        fly_the_mission(tmp_path, drones, wires, [fake.motion for fake in fakes])
-
-
-def test_six_autopilots_of_two_makes_fly_the_mission(tmp_path: Path) -> None:
-    pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
-    from tests.fakes.autopilot import FakeAutopilot, Make
-
-    makes = [Make.PX4, Make.ARDUPILOT] * 3
-    fakes = [FakeAutopilot(make, (x, y, 0.0)) for make, (x, y) in zip(makes, STARTS, strict=True)]
-    ports = free_ports(6)
-    with Wires(fakes, towards=ports) as wires:
-        drones = [
-            {"number": number, "body": f"mavlink:udpin:127.0.0.1:{port}", "start_m": start}
-            for number, (port, start) in enumerate(zip(ports, STARTS, strict=True))
-        ]
-        fly_the_mission(tmp_path, drones, wires, [fake.motion for fake in fakes])
+@pytest.mark.parametrize(("kind", "library"), [("crazyflie", "cflib"), ("mavlink", "pymavlink")])
+def test_six_fly_the_mission(tmp_path: Path, kind: str, library: str) -> None:
+    """Crazyflies behind two radio hosts; autopilots of two makes."""
+    pytest.importorskip(library, reason="the extra with it is not installed")
+    with KINDS[kind]() as vehicles:
+        fly_the_mission(tmp_path, vehicles)
