@@ -11,6 +11,7 @@ from agent.policy.asking import raised
 from agent.policy.base import Compiled
 from agent.quick import Quick
 from agent.radio.hearing import Hearing
+from protocols.kernels import by_reference
 from protocols.wire.messages import MAX_FROM_DRONE, with_account
 from protocols.wire.rows import as_bytes
 from protocols.wire.status import STATUS_EVERY, AgentStatus
@@ -34,14 +35,13 @@ class QuickTicks:
         core, sensed, world = self._core, self._world.sensed, self._world
         self._data, self._into, policy = world.heard, world.heard.data, core.policy
         if isinstance(policy, Compiled):
-            self._fly = policy.quickly(
-                Quick(
-                    world.process, self._size, core.arrays, self._hearing.ears(world.heard),
-                    as_bytes(sensed.position), as_bytes(sensed.velocity), as_bytes(sensed.near),
-                    as_bytes(sensed.obstacles), core.command, as_bytes(core.command), world.commands, self._last,
-                    self._answer,
-                )
+            quick = Quick(
+                world.process, self._size, core.arrays, self._hearing.ears(world.heard),
+                as_bytes(sensed.position), as_bytes(sensed.velocity), as_bytes(sensed.near),
+                as_bytes(sensed.obstacles), core.command, as_bytes(core.command), world.commands, self._last,
+                self._answer,
             )  # fmt: skip
+            self._fly = policy.quickly(by_reference(quick))
 
     def flown(self, tick: int) -> None:
         """This tick was flown in the ordinary way."""

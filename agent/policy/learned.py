@@ -20,7 +20,6 @@ from agent.policy.learned_kernel import (
     empty_history,
     empty_plans,
     empty_question,
-    fly_planned,
     fly_plans,
     fly_quickly,
     take_plans,
@@ -108,9 +107,11 @@ class Learned(Compiled):
     def quickly(self, quick: Quick) -> Callable[[], int]:
         displacement, acceleration = (np.zeros_like(self._plans.displacement) for _ in _OUTPUTS)
         outputs = dict(zip(_OUTPUTS, (displacement, acceleration), strict=True))
-        begin = bound(fly_quickly, quick, self._planner)
+        begin, end = (
+            bound(fly_quickly, planned, quick, self._planner, displacement, acceleration)
+            for planned in (False, True)
+        )
         plan = session.bound(self._session, self._asked(0, 1), outputs)
-        end = bound(fly_planned, quick, self._planner, displacement, acceleration)
 
         def fly() -> int:
             size = begin()

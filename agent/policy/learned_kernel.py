@@ -250,23 +250,23 @@ def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
 
 
 @kernel
-def fly_quickly(quick: Quick, planner: Planner) -> int:
-    """A drone's whole tick (agent.quick); `DUE` where the model is to be asked, and `fly_planned` comes after that."""
-    tick = begin_tick(quick)
-    if tick < 0:
-        return RARE
-    if _ask(tick, quick.arrays, planner) > 0:
-        return DUE
-    _fly(tick, quick.arrays, planner)
-    return end_tick(tick, quick)
-
-
-@kernel
-def fly_planned(
-    quick: Quick, planner: Planner, displacement: NDArray[np.float32], acceleration: NDArray[np.float32]
+def fly_quickly(
+    planned: bool,
+    quick: Quick,
+    planner: Planner,
+    displacement: NDArray[np.float32],
+    acceleration: NDArray[np.float32],
 ) -> int:
-    """The rest of a drone's tick, with the plan that the model has made in it: as `take_plans`."""
-    tick = tick_of(quick)
-    take_plans(tick, 0, quick.arrays, planner, displacement, acceleration)
-    _fly(tick, quick.arrays, planner)
+    """A drone's whole tick (agent.quick); `DUE` where the model is to be asked, and once it has been, ``planned``, the rest.
+
+    One rule for both, so that what they share is compiled once. displacement, acceleration: the new plan, as in `take_plans`.
+    """
+    arrays, tick = quick.arrays, tick_of(quick)
+    if planned:
+        take_plans(tick, 0, arrays, planner, displacement, acceleration)
+    elif begin_tick(quick) < 0:
+        return RARE
+    elif _ask(tick, arrays, planner) > 0:
+        return DUE
+    _fly(tick, arrays, planner)
     return end_tick(tick, quick)

@@ -147,10 +147,10 @@ def announce_compiling() -> None:
     from rsc_swarm.machine.limits import check_addresses
 
     check_addresses()
-    from agent.policy.learned_kernel import fly_planned  # of all rules it is compiled last
+    from agent.policy.learned_kernel import fly_quickly  # of all rules it is compiled last
     from protocols.kernels import is_kept
 
-    if not is_kept(fly_planned):
+    if not is_kept(fly_quickly):
         from rsc_swarm.cli.compiling import compile_flight
 
         compile_flight()
