@@ -58,9 +58,10 @@ def _is_free(
     than that is."""
     for i in range(m):
         grown = radius[i] + margin
-        for end in (a, b):
-            if end in (_START, _GOAL):
-                grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - 1e-3)
+        for end in range(_GOAL + 1):
+            if end != a and end != b:
+                continue
+            grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - 1e-3)
         if grown > 0.0 and _touches(
             point[a, 0], point[a, 1], point[b, 0], point[b, 1], rel[i, 0], rel[i, 1], grown
         ):
@@ -94,7 +95,9 @@ def next_corner(
             if not inside:
                 point[count, 0], point[count, 1] = x, y
                 count += 1
-    way, before, closed = np.full(count, math.inf), np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    way, before, closed = np.empty(count), np.empty(count, np.int64), np.empty(count, np.bool_)
+    for i in range(count):
+        way[i], before[i], closed[i] = math.inf, 0, False
     way[_START] = 0.0
     while True:
         here, best = -1, math.inf

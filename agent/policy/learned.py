@@ -20,7 +20,6 @@ from agent.policy.learned_kernel import (
     empty_history,
     empty_plans,
     empty_question,
-    fly_plans,
     fly_quickly,
     take_plans,
 )
@@ -98,11 +97,11 @@ class Learned(Compiled):
         """As the base class; rows that are due plan anew."""
         if wanted is not self._wanted:
             self._make_room(wanted)
-        due = ask_or_fly(tick, arrays, self._planner)
+        due = ask_or_fly(False, tick, arrays, self._planner)
         if due:
             for first in range(0, due, _ROWS):
                 self._plan(tick, arrays, first, min(first + _ROWS, due))
-            fly_plans(tick, arrays, self._planner)
+            ask_or_fly(True, tick, arrays, self._planner)
 
     def quickly(self, quick: Quick) -> Callable[[], int]:
         displacement, acceleration = (np.zeros_like(self._plans.displacement) for _ in _OUTPUTS)

@@ -212,9 +212,12 @@ def _ask(tick: int, arrays: TickArrays, planner: Planner) -> int:
 
 
 @kernel
-def ask_or_fly(tick: int, arrays: TickArrays, planner: Planner) -> int:
-    """As `_ask`; if no row is due, fly the plans there are (in most ticks, so that these take one call)."""
-    due = _ask(tick, arrays, planner)
+def ask_or_fly(planned: bool, tick: int, arrays: TickArrays, planner: Planner) -> int:
+    """As `_ask`; if no row is due, or all that were are ``planned`` for, write ``planner.wanted`` of all awake rows.
+
+    One rule for both, so that flying plans is compiled once.
+    """
+    due = 0 if planned else _ask(tick, arrays, planner)
     if due == 0:
         _fly(tick, arrays, planner)
     return due
@@ -241,12 +244,6 @@ def take_plans(
             for axis in range(2):
                 plans.displacement[row, step, axis] = displacement[place, step, axis]
                 plans.acceleration[row, step, axis] = acceleration[place, step, axis]
-
-
-@kernel
-def fly_plans(tick: int, arrays: TickArrays, planner: Planner) -> None:
-    """Write ``planner.wanted`` of all awake rows, each of which has a plan."""
-    _fly(tick, arrays, planner)
 
 
 @kernel

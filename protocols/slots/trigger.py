@@ -86,6 +86,12 @@ def contact_gain(rx: float, ry: float, dx: float, dy: float, margin: float) -> f
     return 0.0
 
 
+@inlined_kernel
+def _is_either(slot: int, one: int, other: int) -> bool:
+    """Said in words of Python's own, ``in (one, other)``, it would take a second to compile."""
+    return (slot == one) | (slot == other)
+
+
 @allocating_kernel
 def affected_connected(
     slot_a: int,
@@ -101,9 +107,9 @@ def affected_connected(
     members = np.empty(agents, np.int64)
     count = 0
     for slot in range(agents):
-        is_pair = slot in (slot_a, slot_b)
-        is_child = parent[slot] in (slot_a, slot_b)
-        is_parent = slot in (parent[slot_a], parent[slot_b])
+        is_pair = _is_either(slot, slot_a, slot_b)
+        is_child = _is_either(parent[slot], slot_a, slot_b)
+        is_parent = _is_either(slot, parent[slot_a], parent[slot_b])
         if is_pair or is_child or is_parent:
             if hops[occupant[slot]] == UNKNOWN:
                 return False

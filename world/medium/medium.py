@@ -282,7 +282,8 @@ def deliver(
         bucket = ticks[world] % queue.waiting.shape[1]
         waiting = queue.waiting[world, bucket] if active[world] else 0
         queue.waiting[world, bucket] = 0
-        cursor[:] = 0
+        for destination in range(agents):
+            cursor[destination] = 0
         for index in range(waiting):
             destination = queue.entry[world, bucket, index, 0]
             if hears[world, destination]:

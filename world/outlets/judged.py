@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from world.outlets.trajectory import Trajectory
 from world.plant import Bodies, Ground
@@ -25,5 +26,9 @@ def findings_of(path: Trajectory, mission: Mission) -> Findings:
     )  # fmt: skip
     findings = empty_findings(rows, agents)
     target = mission.target.speed_mps * path.tick_s * np.arange(rows, dtype=np.float64)
-    judge(np.ones(rows, np.bool_), bodies, path.slots.copy(), ground, target, standard, findings)
+    # By reference, as in flight: so it is compiled once for both.
+    judge(
+        np.ones(rows, np.bool_), by_reference(bodies), path.slots.copy(), by_reference(ground), target,
+        by_reference(standard), by_reference(findings),
+    )  # fmt: skip
     return findings
