@@ -24,17 +24,11 @@ from agent.tick import perceive_all, secure_all
 from agent.tick_arrays import TickArrays
 from protocols.kernels import inlined_kernel
 from protocols.wire.frames import RELAYED_BYTES, RELAYING, body_bytes
-from protocols.wire.messages import MAX_HEARD, REPLY_HEAD, REPLY_MARK, TICK_HEAD, TICK_MARK
+from protocols.wire.messages import MAX_HEARD, REPLY_AT, REPLY_HEAD, REPLY_MARK, TICK_AT, TICK_HEAD, TICK_MARK
 from protocols.wire.rows import get_number, put_bytes, put_number
 from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES
 
 RARE = -1
-_TICK_AT, _PROOF_AT, _FOLLOWED_AT, _HEARD_AT = (
-    4,
-    8,
-    12,
-    16,
-)  # in a Tick; protocols.wire.messages has the layout
 _VECTOR_BYTES = OWN_BYTES // 2
 _TICK_HEAD, _REPLY_HEAD, _NEAR, _DISC = TICK_HEAD.size, REPLY_HEAD.size, NEIGHBOUR.itemsize, DISC.itemsize
 
@@ -42,7 +36,8 @@ _TICK_HEAD, _REPLY_HEAD, _NEAR, _DISC = TICK_HEAD.size, REPLY_HEAD.size, NEIGHBO
 class Quick(NamedTuple):
     """Everything a drone's tick works on. ``ears.data`` holds the Tick, of ``size`` (1,) bytes.
 
-    *_bytes: what is sensed, and the command, as they travel. last: (1,) the last tick that was flown. answer: the Reply, out.
+    *_bytes: what is sensed, and the command, as they travel. last: (1,) the last tick that was flown. answer: the Reply,
+    out; where it would tell of an account it stays 0.
     """
 
     process: int
@@ -63,7 +58,7 @@ class Quick(NamedTuple):
 @inlined_kernel
 def tick_of(quick: Quick) -> int:
     """The tick that the message is of, if it is a Tick."""
-    return get_number(quick.ears.data, _TICK_AT, 4)
+    return get_number(quick.ears.data, TICK_AT.tick, 4)
 
 
 @inlined_kernel
@@ -74,14 +69,14 @@ def begin_tick(quick: Quick) -> int:
         The tick; `RARE` where it is to be done in the ordinary way.
     """
     said, sensed, size = quick.ears.data, quick.arrays.sensed, quick.size[0]
-    if size < _TICK_HEAD or said[0] != TICK_MARK:
+    if size < _TICK_HEAD or said[TICK_AT.mark] != TICK_MARK:
         return RARE
-    obstacles, near = get_number(said, 1, 1), get_number(said, 2, 2)
-    tick, heard = tick_of(quick), get_number(said, _HEARD_AT, 4)
+    obstacles, near = get_number(said, TICK_AT.obstacles, 1), get_number(said, TICK_AT.near, 2)
+    tick, heard = tick_of(quick), get_number(said, TICK_AT.heard, 4)
     near_at = _TICK_HEAD + OWN_BYTES
     obstacles_at = near_at + near * _NEAR
     at = obstacles_at + obstacles * _DISC
-    late = get_number(said, _FOLLOWED_AT, 4) != tick - 1
+    late = get_number(said, TICK_AT.followed, 4) != tick - 1
     if late or tick <= quick.last[0]:
         return RARE
     if near > MAX_NEAR or obstacles > MAX_OBSTACLES or at > size or heard > MAX_HEARD:
@@ -120,14 +115,13 @@ def end_tick(tick: int, quick: Quick) -> int:
         if frames.version[own] == RELAYING:
             put_bytes(answer, at + fixed_size + 10 * known, frames.relayed_bytes[own], 0, RELAYED_BYTES)
         frame_size = body_bytes(frames, own)
-    put_number(answer, 0, REPLY_MARK, 4)
-    put_number(answer, 4, quick.process, 4)
-    put_number(answer, 8, tick, 4)
-    put_bytes(answer, 12, quick.ears.data, _PROOF_AT, 4)
-    put_number(answer, 16, arrays.views.slot[0], 2)
-    put_number(answer, 18, frame_size, 2)
-    put_number(answer, 20, 0, 4)
-    put_bytes(answer, 24, quick.command_bytes, 0, 16)
+    put_number(answer, REPLY_AT.mark, REPLY_MARK, 1)
+    put_number(answer, REPLY_AT.process, quick.process, 4)
+    put_number(answer, REPLY_AT.tick, tick, 4)
+    put_bytes(answer, REPLY_AT.proof, quick.ears.data, TICK_AT.proof, 4)
+    put_number(answer, REPLY_AT.slot, arrays.views.slot[0], 2)
+    put_number(answer, REPLY_AT.frame_size, frame_size, 2)
+    put_bytes(answer, REPLY_AT.ax, quick.command_bytes, 0, 16)
     place = tick % quick.commands.tick.shape[0]
     quick.commands.tick[place] = tick
     quick.commands.on_time[0] += 1

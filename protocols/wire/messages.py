@@ -16,8 +16,9 @@ A Reply repeats the number ``proof`` that the world has drawn for its Tick: so t
 the pipe to one who answers without reading.
 """
 
+import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import msgpack
@@ -48,7 +49,41 @@ TICK_MARK, REPLY_MARK = ord("T"), ord("R")
 TICK_HEAD = struct.Struct("<BBHIIiI")
 #: Mark, process, tick, proof, slot, bytes of the frame, bytes of the account, ax, ay; then the frame, then the account.
 REPLY_HEAD = struct.Struct("<BxxxIIIHHHxxdd")
-_ACCOUNT_SIZE_AT = 20
+
+
+class TickAt(NamedTuple):
+    """Where the numbers of a Tick's head begin, for kernels."""
+
+    mark: int
+    obstacles: int
+    near: int
+    tick: int
+    proof: int
+    followed: int
+    heard: int
+
+
+class ReplyAt(NamedTuple):
+    """The same of a Reply's."""
+
+    mark: int
+    process: int
+    tick: int
+    proof: int
+    slot: int
+    frame_size: int
+    account_size: int
+    ax: int
+    ay: int
+
+
+def _places(head: struct.Struct) -> Iterator[int]:
+    for number in re.finditer("[^<x]", head.format):
+        upto, its = head.format[: number.end()], number.group()
+        yield struct.calcsize(upto) - struct.calcsize(f"<{its}")
+
+
+TICK_AT, REPLY_AT = TickAt(*_places(TICK_HEAD)), ReplyAt(*_places(REPLY_HEAD))
 
 
 class MessageError(ValueError):
@@ -185,7 +220,8 @@ def with_account(reply: bytes, status: AgentStatus) -> bytes:
     """This packed Reply, which holds no account, with one."""
     account: bytes = msgpack.packb(status)
     size = len(account).to_bytes(2, "little")
-    return reply[:_ACCOUNT_SIZE_AT] + size + reply[_ACCOUNT_SIZE_AT + 2 :] + account
+    at = REPLY_AT.account_size
+    return reply[:at] + size + reply[at + len(size) :] + account
 
 
 def _unpack_reply(data: bytes, agents: int) -> Reply:

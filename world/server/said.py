@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from protocols.dynamics import ABSURD_MPS2
 from protocols.kernels import bound, by_reference, kernel
 from protocols.wire.frames import MAX_FRAME_BYTES
-from protocols.wire.messages import MAX_FROM_DRONE, MAX_PROOF, REPLY_HEAD, REPLY_MARK, Reply
+from protocols.wire.messages import MAX_FROM_DRONE, MAX_PROOF, REPLY_AT, REPLY_HEAD, REPLY_MARK, Reply
 from protocols.wire.rows import as_bytes, bytes_of, get_number, put_bytes
 from protocols.wire.status import AgentStatus
 from world.core import Answers, WorldCore
@@ -48,19 +48,23 @@ def _take_plain(desk: _Desk) -> bool:
         desk.given[0], desk.given[1], desk.given[2], desk.given[3], desk.given[4], desk.given[5],
     )  # fmt: skip
     data = desk.data
-    if size < _HEAD_BYTES or data[0] != REPLY_MARK:
+    if size < _HEAD_BYTES or data[REPLY_AT.mark] != REPLY_MARK:
         return False
     if (
-        get_number(data, 4, 4) != process
-        or get_number(data, 8, 4) != tick
-        or get_number(data, 12, 4) != proof
+        get_number(data, REPLY_AT.process, 4) != process
+        or get_number(data, REPLY_AT.tick, 4) != tick
+        or get_number(data, REPLY_AT.proof, 4) != proof
     ):
         return False
-    slot, frame, account = get_number(data, 16, 2), get_number(data, 18, 2), get_number(data, 20, 2)
-    usual = account == 0 and frame <= MAX_FRAME_BYTES and _HEAD_BYTES + frame == size
+    slot, frame = get_number(data, REPLY_AT.slot, 2), get_number(data, REPLY_AT.frame_size, 2)
+    usual = (
+        get_number(data, REPLY_AT.account_size, 2) == 0
+        and frame <= MAX_FRAME_BYTES
+        and _HEAD_BYTES + frame == size
+    )
     if not usual or slot >= desk.claim.shape[0]:
         return False
-    put_bytes(desk.number_bytes, 0, data, 24, 16)
+    put_bytes(desk.number_bytes, 0, data, REPLY_AT.ax, 16)
     ax, ay = desk.numbers[0], desk.numbers[1]
     if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
         return False
