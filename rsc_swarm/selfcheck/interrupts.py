@@ -17,9 +17,10 @@ def press(seed: int, length_s: float, here: Path) -> tuple[float, Seen]:
     dice = random.Random(seed)
     verb, at = dice.choice(["launch", "launch", "simulate"]), dice.uniform(0.0, length_s)
     watched = start([verb, "--agents", str(dice.randint(3, 6)), *SMALL], here)
+    begin = time.monotonic()
     time.sleep(at)
     watched.strike("everybody", signal.SIGINT)
-    return at, watched.end()
+    return time.monotonic() - begin, watched.end()
 
 
 def judge(seen: Seen, early: bool) -> list[str]:

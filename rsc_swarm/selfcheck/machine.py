@@ -13,10 +13,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsc_swarm.selfcheck.watched import EARLY, SMALL, Seen, Watched, common_faults, length_of_launch, start
+from rsc_swarm.selfcheck.watched import (
+    ASKING,
+    EARLY,
+    SMALL,
+    Seen,
+    Watched,
+    common_faults,
+    length_of_launch,
+    start,
+)
 
 _STOPPED_S = 0.7  # of a process that is stopped and goes on
-_ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _FULL = {"": "", "stdout": ">/dev/full", "stderr": "2>/dev/full", "closed": ">&-", "closed stderr": "2>&-"}
 
 
@@ -62,7 +70,7 @@ class Plan:
     @property
     def asks_early(self) -> bool:
         """Whether it is asked to leave while it cannot be over yet."""
-        return any(strike.number in _ASKING and strike.share < EARLY for strike in self.strikes)
+        return any(strike.number in ASKING and strike.share < EARLY for strike in self.strikes)
 
     @property
     def kills_launcher(self) -> bool:
@@ -85,7 +93,7 @@ def draw(seed: int) -> Plan:
     if kind == "asked":
         first = dice.uniform(0.0, 1.1)
         for share in (first, first + dice.expovariate(20.0))[: dice.randint(1, 2)]:
-            number = dice.choice(_ASKING)  # a terminal tells everybody of the first and the last
+            number = dice.choice(ASKING)  # a terminal tells everybody of the first and the last
             whom = "launcher" if number is signal.SIGTERM else dice.choice(["launcher", "everybody"])
             strikes.append(Strike(share, whom, number))
     elif kind == "killed":

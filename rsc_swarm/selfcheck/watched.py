@@ -19,6 +19,7 @@ from world.outlets.trajectory import Trajectory, TrajectoryError
 
 # A flight that is never at its goal and of known length.
 SMALL = ("--set", "goal_x_m=1e6", "--set", "obstacles.discs=[]", "--set", "fly_s=6")
+ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _CODES = (0, 1, 2, 3, 130)
 _PATIENCE_S, _GONE_S = 180.0, 20.0
 _COMPANY = ("t ", "compiling", "agent ", "world: ")  # lines on stderr that are no complaints
@@ -27,7 +28,7 @@ _OURS = ("run", "sent.json")
 
 @dataclass
 class Seen:
-    """What was seen of a command: ``left``: processes and files that are still there."""
+    """What was seen of a command: ``left``: processes and files that are still there. asked: to leave, before it was over."""
 
     code: int | None
     out: str
@@ -35,6 +36,7 @@ class Seen:
     left: list[str]
     report: bool
     trajectory: bool
+    asked: bool
 
     @property
     def flew(self) -> bool:
@@ -53,6 +55,7 @@ class Watched:
 
     here: Path
     process: "subprocess.Popen[str]"
+    asked: bool = False
     _known: dict[int, psutil.Process] = field(default_factory=dict)
 
     def children(self) -> dict[str, psutil.Process]:
@@ -70,6 +73,8 @@ class Watched:
     def strike(self, name: str, number: signal.Signals) -> bool:
         """Send a signal to one of its processes, or to all (``everybody``); False if there is none of that name."""
         known = self.children()
+        if number in ASKING and self.process.poll() is None and not (self.here / "sent.json").exists():
+            self.asked = True
         for process in known.values() if name == "everybody" else [known[name]] if name in known else []:
             try:
                 process.send_signal(number)
@@ -97,6 +102,7 @@ class Watched:
             left,
             _is_report(run / "report.json"),
             _is_path(run / "trajectory.npz"),
+            self.asked,
         )
 
     def clean_up(self) -> None:
@@ -191,7 +197,7 @@ def common_faults(seen: Seen, asked_early: bool, troubles: int = 1) -> list[str]
         faults.append("a traceback")
     if seen.code not in _CODES:
         faults.append(f"exit code {seen.code}")
-    if asked_early and seen.code in (0, 1):
+    if asked_early and seen.asked and seen.code in (0, 1):
         faults.append("it was asked to leave and flew on")
     told = seen.complaints
     expected = {2: (1,), 3: range(1, troubles + 1), 130: (0, 1)}.get(seen.code or 0, (0,))

@@ -2,6 +2,7 @@
 
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -68,9 +69,9 @@ def test_the_judge_names_what_is_wrong() -> None:
     """The checks can fail."""
     plan = machine.draw(0)
     assert plan == machine.draw(0)
-    good = Seen(130, "STOPPED", "t 1 s\n", [], True, True)
+    good = Seen(130, "STOPPED", "t 1 s\n", [], True, True, True)
     assert machine.judge(plan, good) == []
-    bad = Seen(1, "", "t 1 s\nTraceback\nrsc-swarm: one\n", ["process 7", ".x"], False, False)
+    bad = Seen(1, "", "t 1 s\nTraceback\nrsc-swarm: one\n", ["process 7", ".x"], False, False, True)
     assert machine.judge(plan, bad) == [
         "left behind: process 7, .x",
         "a traceback",
@@ -78,4 +79,9 @@ def test_the_judge_names_what_is_wrong() -> None:
         "2 lines that complain: ['Traceback', 'rsc-swarm: one']",
         "the report is lost",
         "the trajectory is lost",
+    ]
+    came_too_late = Seen(0, "SUCCESS", "t 6 s\n", [], True, True, False)
+    assert interrupts.judge(came_too_late, early=True) == []
+    assert interrupts.judge(replace(came_too_late, asked=True), early=True) == [
+        "it was asked to leave and flew on"
     ]
