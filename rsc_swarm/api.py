@@ -8,7 +8,7 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +26,7 @@ from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import FlightReport, report_of
 from rsc_swarm.flight.simulate import flights_at_once
+from rsc_swarm.given import a_mission, missions_of, one_or_several, plain, shown, whole
 from rsc_swarm.missions import mission_file
 from rsc_swarm.show.plots.flight import draw as draw_tracks
 from rsc_swarm.study import evaluate as study
@@ -73,11 +74,11 @@ class Flight:
         return events_of(self.trajectory, self.mission, end_told(self.report))
 
 
-def mission(source: str | Path | None = None, /, **fields: Any) -> Mission:
+def mission(source: str | Path | Mission | None = None, /, **fields: Any) -> Mission:
     """A mission: the standard task, or the one in ``source``, with ``fields`` on top.
 
     Args:
-        source: a mission file, or the name of a mission that comes with the project.
+        source: a mission file, the name of a mission that comes with the project, or a mission to begin with.
         fields: fields of docs/missions.md; those of a section as a dictionary, which leaves the section's others as they
             are: ``radio={"loss": 0.2}``. ``policy`` may also be a class (docs/policies.md).
 
@@ -85,11 +86,16 @@ def mission(source: str | Path | None = None, /, **fields: Any) -> Mission:
         MissionError: it cannot be flown; one line names the field and what would be right.
     """
     document: dict[str, Any] = {}
-    if source is not None:
+    if isinstance(source, Mission):
+        document = source.model_dump(exclude_unset=True)
+    elif isinstance(source, str | Path):
         document = read_mission_fields(mission_file(str(source)))
+    elif source is not None:
+        raise MissionError(f"mission: give a file, a name or fields such as agents=25, not {shown(source)}")
     if isinstance(fields.get("policy"), type):
         fields["policy"] = _name_of(fields["policy"])
-    return parse_mission(_merged(document, fields), str(source or "mission"))
+    named = str(source) if isinstance(source, str | Path) else "mission"
+    return parse_mission(_merged(document, plain(fields)), named)
 
 
 def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -117,15 +123,15 @@ def _name_of(policy: type) -> str:
 @overload
 def simulate(mission: Mission) -> Flight: ...
 @overload
-def simulate(mission: Sequence[Mission]) -> list[Flight]: ...
-def simulate(mission: Mission | Sequence[Mission]) -> Flight | list[Flight]:
+def simulate(mission: Iterable[Mission]) -> list[Flight]: ...
+def simulate(mission: Mission | Iterable[Mission]) -> Flight | list[Flight]:
     """Fly a mission, or each of several, in this process, as fast as it goes. Those that differ in seeds and obstacles alone are
     flown in step, which is quicker and changes nothing else.
 
     Raises:
-        PolicyError, MissionError, world.field.FieldError: it cannot be flown.
+        PolicyError, MissionError, FieldError: it cannot be flown.
     """
-    missions = [mission] if isinstance(mission, Mission) else list(mission)
+    missions = missions_of(mission)
     flights: dict[int, Flight] = {}
     for group in _together(missions):
         recorders = [Recorder(missions[place], world) for world, place in enumerate(group)]
@@ -166,11 +172,13 @@ def launch(
         run_dir: keep mission, report, paths and logs in this folder (docs/recordings.md), which must not hold a flight yet.
 
     Raises:
-        MissionError, PolicyError, world.field.FieldError: it cannot be flown, or the policy went wrong. RunBroken: the run itself
+        MissionError, PolicyError, FieldError: it cannot be flown, or the policy went wrong. RunBroken: the run itself
             broke. rsc_swarm.flight.run_dir.RunDirError: the folder cannot be used. One line says why.
         KeyboardInterrupt: Ctrl-C; all processes have ended.
     """
-    if mission.policy.startswith("__main__:"):
+    if clock not in ("lockstep", "realtime"):
+        raise MissionError(f"clock: give 'lockstep' or 'realtime', not {shown(clock)}")
+    if a_mission(mission).policy.startswith("__main__:"):
         raise MissionError(
             f"policy: {mission.policy} is defined in the script itself, where drones cannot find it; "
             "put the class into a module of its own and import it"
@@ -244,10 +252,13 @@ def evaluate(
         on: fly on Dask workers instead: ``local:4``, or ``tcp://host:8786`` (docs/machines.md).
 
     Raises:
-        MissionError, PolicyError, world.field.FieldError: it cannot be flown.
-        rsc_swarm.study.workers.WorkerError: a worker died. rsc_swarm.study.machines.MachinesError: nobody to fly on.
+        MissionError, PolicyError, FieldError: it cannot be flown.
+        WorkerError: a worker died. rsc_swarm.study.machines.MachinesError: nobody to fly on.
     """
-    with crew_of(Who(workers, on)) as crew:
+    maps, starts, seed_base = whole("maps", maps), whole("starts", starts), whole("seed_base", seed_base)
+    who = Who(None if workers is None else whole("workers", workers), on)
+    a_mission(mission)
+    with crew_of(who) as crew:
         flights = study.evaluate(mission, study.seeds_of(seed_base, maps, starts), crew)
     return study.summarise(mission, flights, starts, fingerprint(mission))
 
@@ -257,8 +268,9 @@ def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
 
     Raises:
         rsc_swarm.show.plots.style.PlotError: matplotlib is missing (``pip install matplotlib``), or cannot write this file.
+        MissionError: these are no flights.
     """
-    several = [flights] if isinstance(flights, Flight) else flights
+    several = one_or_several("flights", flights, Flight, "a Flight, as simulate and launch return it")
     draw_tracks([_track(flight) for flight in several], Path(out))
 
 
@@ -266,8 +278,9 @@ def write_report(flight: Flight, out: str | Path) -> None:
     """Write the story of a flight as one HTML file (docs/recordings.md).
 
     Raises:
-        protocols.whole_file.WriteError: it cannot be written.
+        protocols.whole_file.WriteError: it cannot be written. MissionError: this is no flight.
     """
+    (flight,) = one_or_several("flight", [flight], Flight, "a Flight, as simulate and launch return it")
     from rsc_swarm.show.page.page import write_page  # what few need is loaded by those
 
     write_page(_track(flight), Path(out))

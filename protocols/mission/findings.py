@@ -5,6 +5,15 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 _MOST_FINDINGS, _MOST_CHARACTERS = 5, 60
+# What Pydantic calls it when a value has another type -> what the value should have been.
+_WORDS = {
+    "bool_": "true or false",
+    "int_": "a whole number",
+    "float_": "a number",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+}
 
 
 def explain_as(document: type[BaseModel], error: ValidationError) -> str:
@@ -14,8 +23,10 @@ def explain_as(document: type[BaseModel], error: ValidationError) -> str:
         place, text, kind = item["loc"], item["msg"].removeprefix("Value error, "), item["type"]
         if kind == "extra_forbidden":
             text = f"unknown field; known here: {', '.join(_known_fields(document, place[:-1]))}"
-        elif kind.startswith("bool"):
-            text = f"write true or false, not {_short(item['input'])}"
+        elif kind == "missing":
+            text = "is missing"
+        elif wanted := _wanted(document, place, kind, item.get("ctx", {})):
+            text = f"write {wanted}, not {_short(item['input'])}"
         elif not kind.startswith("value_error"):
             text = f"{text[0].lower()}{text[1:]}, not {_short(item['input'])}"
         field = ".".join(_name(part) for part in place)
@@ -24,14 +35,30 @@ def explain_as(document: type[BaseModel], error: ValidationError) -> str:
     return "; ".join(findings[:_MOST_FINDINGS] + ([f"and {more} more"] if more > 0 else []))
 
 
+def _wanted(
+    document: type[BaseModel], place: tuple[int | str, ...], kind: str, limits: dict[str, Any]
+) -> str | None:
+    """What a value of another type should have been, in the words of a mission file; None: Pydantic says it well enough."""
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f"a mapping of its fields ({', '.join(_known_fields(document, place)) or 'name: value'})"
+    if kind == "too_long":
+        return f"at most {limits['max_length']} values"
+    for begin, words in _WORDS.items():
+        if kind.startswith(begin):
+            return words
+    return None
+
+
 def _name(part: int | str) -> str:
     text = str(part)
     return text if text.isprintable() and len(text) <= _MOST_CHARACTERS else _short(part)
 
 
 def _short(value: object) -> str:
+    if value is None:
+        return "nothing"
     try:
-        text = repr(value)
+        text = repr(list(value) if isinstance(value, tuple) else value)
     except (ValueError, RecursionError):  # a number of thousands of digits; a list in a list in a list
         text = type(value).__name__
     return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
@@ -44,4 +71,4 @@ def _known_fields(document: type[BaseModel], place: tuple[int | str, ...]) -> li
         if isinstance(part, str):
             section = section.model_fields[part].annotation
             section = next((inner for inner in get_args(section) if hasattr(inner, "model_fields")), section)
-    return sorted(section.model_fields)
+    return sorted(getattr(section, "model_fields", ()))

@@ -148,7 +148,7 @@ def _flights(mission: Mission, runs: int) -> dict[str, dict[str, Any]]:
     for run in range(runs):
         for policy, launched in flown.items():
             launched.append(launch(mission.model_copy(update={"policy": policy}), weigh=run == 0))
-        up, down = launched[-1].whole().message_bytes
+            up, down = launched[-1].whole().message_bytes
         ticks = _ECHO_TICKS if mission.agents < _LARGE else _ECHO_TICKS // 4
         echoes.append(bare_echo(mission.agents, round(up), round(down), ticks))
     return {policy: _flown(launched, echoes) for policy, launched in flown.items()}

@@ -71,6 +71,8 @@ def parse_budget(text: str | None) -> Budget:
     Raises:
         MissionError: one line says what would be right.
     """
+    if not isinstance(text, str | None):
+        raise MissionError(f"budget: give text such as 'none,kill=2', not {text!r}")
     words = [word.strip() for word in text.split(",")] if text else []
     budget = Budget()
     if words[:1] == ["none"]:

@@ -18,8 +18,11 @@ def bench(
     agents: Annotated[int, typer.Option("--agents", "-n", help="Number of drones.")] = 25,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter runs, rougher figures.")] = False,
     twins: Annotated[
-        int, typer.Option(help="Instead: fly so many maps in real processes and in one, and compare digests.")
-    ] = 0,
+        int | None,
+        typer.Option(
+            min=1, help="Instead: fly so many maps in real processes and in one, and compare digests."
+        ),
+    ] = None,
     against: Annotated[
         Path | None,
         typer.Option(

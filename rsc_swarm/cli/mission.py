@@ -33,6 +33,7 @@ def mission(
     from protocols.mission.document import mission_yaml
     from protocols.mission.formation import default_shape
     from protocols.mission.policy_name import from_folder
+    from protocols.wire.keys import MAX_AGENTS
     from rsc_swarm.flight.policy_facts import policy_facts
     from world.field import draw_obstacles, draw_start
 
@@ -42,8 +43,9 @@ def mission(
     asked = made.formation.shape
     shape = default_shape(made.agents) if asked == "auto" else asked
     if check:
+        alone = " (simulate and evaluate only)" if made.agents > MAX_AGENTS else ""
         print(
-            f"{options.mission or 'mission'}: can be flown by {made.agents} agents, formation {shape}, "
+            f"{options.mission or 'mission'}: can be flown by {made.agents} agents{alone}, formation {shape}, "
             f"within {made.ticks * TICK_S:g} s"
         )
     else:

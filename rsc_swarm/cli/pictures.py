@@ -60,6 +60,8 @@ def make(
     for name, file in files:
         if file.is_dir() or not file.absolute().parent.is_dir():
             raise PlotError(f"--{name} {file}: give a file in a directory that exists")
+        if name != "out" and file.suffix.lower() not in ("", f".{name}"):
+            raise PlotError(f"--{name} {file}: give a file that ends in .{name}")
     if films and (subject.compare or subject.horizons or subject.letter or subject.curve):
         raise PlotError(f"--{next(iter(films))}: a film shows one flight; leave {subject.given[0]} out")
     if films:

@@ -64,9 +64,11 @@ class Launched:
     error: SwarmError | None = None
 
     def whole(self) -> Flown:
-        """The flight; raises ``error`` instead if there is one."""
+        """The flight, for who flies several in a row; raises ``error`` if there is one, KeyboardInterrupt if it was stopped."""
         if self.error:
             raise self.error
+        if self.flown.outcome.failure == "interrupted":
+            raise KeyboardInterrupt
         return self.flown
 
 

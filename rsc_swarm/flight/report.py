@@ -79,7 +79,9 @@ class SwapTotals(_Part):
     refused: int = Field(description="proposals refused by the one asked")
     withdrawn: int = Field(description="proposals overtaken by another swap")
     timed_out: int = Field(description="proposals and promises that waited in vain")
-    vacated: int = Field(description="slots of dead drones taken over")
+    vacated: int = Field(
+        description="slots taken over after deaths: those of the dead, and those that their takers left"
+    )
     undone: int = Field(description="swaps acted on that a later merge turned off")
     unsealed: int = Field(
         description="swaps heard that lacked the seal of one of their drones, and did not count"

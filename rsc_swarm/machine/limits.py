@@ -5,6 +5,7 @@ import resource
 from pathlib import Path
 
 from protocols.errors import BrokenError
+from protocols.mission.document import MissionError
 from protocols.wire.keys import MAX_AGENTS
 
 # Of the world, which needs most: it was seen to have 27 files open with 4 drones, 63 with 40, and 1.4 GiB of addresses.
@@ -20,11 +21,12 @@ def make_room(drones: int) -> None:
     """Allow this process and its children the open files that a flight of ``drones`` needs.
 
     Raises:
-        MachineError: it may not have them, or too little memory, which would show as something else, and late.
+        MissionError: so many drones cannot talk. MachineError: it may not have the files, or too little memory, which would
+            show as something else, and late.
     """
     if drones > MAX_AGENTS:
-        raise MachineError(
-            f"{drones} drones are too many for a process each: fly at most {MAX_AGENTS}, or use simulate or evaluate"
+        raise MissionError(
+            f"agents: {drones} drones are too many for a process each: fly at most {MAX_AGENTS}, or use simulate or evaluate"
         )
     needed = _FILES + _FILES_PER_DRONE * drones
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)

@@ -1,5 +1,6 @@
 """The missions that come with the project, and how a mission is found by its name."""
 
+from difflib import get_close_matches
 from pathlib import Path
 
 SHIPPED = Path(__file__).parent
@@ -16,11 +17,18 @@ def mission_file(name: str) -> Path:
     Raises:
         protocols.mission.document.MissionError: neither.
     """
-    file = Path(name)
-    if file.is_file():
-        return file
-    if name in shipped_missions():
-        return SHIPPED / f"{name}.yaml"
     from protocols.mission.document import MissionError
 
-    raise MissionError(f"{name}: no such file; shipped missions are {', '.join(shipped_missions())}")
+    file, shipped = Path(name), shipped_missions()
+    try:
+        if file.is_file():
+            return file
+        if name in shipped:
+            return SHIPPED / f"{name}.yaml"
+        if file.is_dir():
+            raise MissionError(f"{name}: is a folder; give a mission file, such as mission.yaml in it")
+    except OSError as error:
+        raise MissionError(f"{name[:40]}...: no file can be called so ({error.strerror})") from None
+    like = get_close_matches(name, shipped, 1)
+    meant = f"is {like[0]} meant? " if like else ""
+    raise MissionError(f"{name}: no such file; {meant}shipped missions are {', '.join(shipped)}")

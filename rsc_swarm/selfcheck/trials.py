@@ -130,11 +130,9 @@ def _fly(mission: Mission, attack: str | None, turned: int, seed: int) -> _Fligh
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         launched = launch(mission, run_dir=folder, on_snapshot=weigh, insiders=insiders)
-        if launched.error:
-            raise launched.error
+        flown = launched.whole()
         path = Trajectory.load(folder / "trajectory.npz")
-    outcome = launched.flown.outcome
-    return _Flight(outcome, without(mission, path, turned), launched.flown.wall_s, most[0])
+    return _Flight(flown.outcome, without(mission, path, turned), flown.wall_s, most[0])
 
 
 class Row(NamedTuple):

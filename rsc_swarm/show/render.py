@@ -149,7 +149,7 @@ def _swaps(report: FlightReport) -> str:
     if fates:
         text += f" ({', '.join(fates)})"
     if swaps.vacated:
-        text += f", {swaps.vacated} slot{'s' if swaps.vacated > 1 else ''} taken from the dead"
+        text += f", {swaps.vacated} slot{'s' if swaps.vacated > 1 else ''} taken over after deaths"
     return text
 
 

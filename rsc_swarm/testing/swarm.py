@@ -7,6 +7,7 @@ from rsc_swarm.api import simulate, write_report
 from rsc_swarm.campaign.flying import Failure, fly_all
 from rsc_swarm.campaign.judging import Broken, judge
 from rsc_swarm.campaign.kept import keep
+from rsc_swarm.given import a_mission
 from rsc_swarm.study.workers import Flight
 
 
@@ -52,8 +53,12 @@ class Swarm:
         self.folder = folder
 
     def fly(self, mission: Mission) -> Flight:
-        """Fly one in this process: how it ended (``outcome``), and what was watched of the slots (``watched``)."""
-        return fly_all([mission], both=True)[0]
+        """Fly one in this process: how it ended (``outcome``), and what was watched of the slots (``watched``).
+
+        Raises:
+            MissionError, PolicyError: it cannot be flown.
+        """
+        return fly_all([a_mission(mission)], both=True)[0]
 
     def survives(self, mission: Mission) -> None:
         """Fly it, and ask for safety and liveness (docs/campaigns.md).

@@ -92,7 +92,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> No
         ),
         ({"version": "2"}, "cannot be flown by this version: version: input should be '1', not '2'"),
         ({"features": "9"}, "cannot be flown by this version: features: input should be '1', not '9'"),
-        ({"horizon": "many"}, "cannot be flown by this version: horizon: input should be a valid integer"),
+        ({"horizon": "many"}, "cannot be flown by this version: horizon: write a whole number"),
         (
             {"output": "words"},
             "cannot be flown by this version: output: input should be 'knots', 'raw' or 'action'",

@@ -89,14 +89,12 @@ def test_several_mistakes_are_told_at_once() -> None:
 
 
 def test_no_text_becomes_a_number_and_no_truth_a_share() -> None:
-    assert refusal({"agents": True}) == "agents: input should be a valid integer, not True"
-    assert refusal({"agents": "25"}).startswith("agents: input should be a valid integer")
-    assert refusal({"radio": {"loss": True}}).startswith(
-        "radio.loss: input should be a valid number, not True"
-    )
-    assert refusal({"goal_x_m": "35"}).startswith("goal_x_m: input should be a valid number")
+    assert refusal({"agents": True}) == "agents: write a whole number, not True"
+    assert refusal({"agents": "25"}).startswith("agents: write a whole number")
+    assert refusal({"radio": {"loss": True}}).startswith("radio.loss: write a number, not True")
+    assert refusal({"goal_x_m": "35"}).startswith("goal_x_m: write a number")
     assert refusal({"detour": 1}) == "detour: write true or false, not 1"
-    assert refusal({"name": 25}) == "name: input should be a valid string, not 25"
+    assert refusal({"name": 25}) == "name: write text, not 25"
     assert parse_mission({"goal_x_m": 30}).goal_x_m == 30.0
 
 

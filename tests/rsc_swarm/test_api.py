@@ -63,6 +63,24 @@ def test_a_mission_is_a_file_or_a_name_with_fields_on_top(tmp_path):
     assert rs.mission("dense").obstacles.count == (12, 14)
 
 
+def test_a_mission_is_another_with_something_changed():
+    mine = rs.mission(rs.mission("dense", radio={"loss": 0.1}), agents=36, radio={"hops": 2})
+    assert mine == rs.mission("dense", agents=36, radio={"loss": 0.1, "hops": 2})
+
+
+def test_numbers_of_numpy_are_numbers():
+    fault = {"at_s": np.float64(1), "kind": "kill", "slots": np.array([0])}
+    mine = rs.mission(
+        agents=np.int64(4), seed=np.uint64(5), faults=[fault], obstacles={"discs": np.array([[20, 0, 1.5]])}
+    )
+    assert mine == rs.mission(
+        agents=4,
+        seed=5,
+        faults=[{"at_s": 1, "kind": "kill", "slots": [0]}],
+        obstacles={"discs": [[20, 0, 1.5]]},
+    )
+
+
 def test_a_policy_is_a_class_if_it_can_be_found_again():
     assert rs.mission(policy=Still).policy == f"{__name__}:Still"
 
@@ -82,6 +100,37 @@ def test_a_policy_is_a_class_if_it_can_be_found_again():
         (lambda: rs.mission(agents=0), "agents: "),
         (lambda: rs.mission(radio={"lost": 1}), "radio.lost: unknown field; known here: burst"),
         (lambda: rs.simulate(rs.mission(policy="nothing")), "unknown policy 'nothing'"),
+        (lambda: rs.mission("plane"), "plane: no such file; is plain meant? shipped missions are dense"),
+        (lambda: rs.mission(str(ROOT)), "is a folder; give a mission file"),
+        (lambda: rs.mission("a" * 5000), "no file can be called so (File name too long)"),
+        (
+            lambda: rs.mission({"agents": 4}),
+            "give a file, a name or fields such as agents=25, not {'agents': 4}",
+        ),
+        (
+            lambda: rs.mission(formation="vee"),
+            "formation: write a mapping of its fields (shape, slots_m, spacing_m), not 'vee'",
+        ),
+        (
+            lambda: rs.mission(obstacles={"discs": [[20, 0, 1.5, 0, 1]]}),
+            "obstacles.discs.0: write at most 3 values, not [20",
+        ),
+        (lambda: rs.mission(obstacles={"discs": [[20, 0]]}), "obstacles.discs.0.2: is missing"),
+        (lambda: rs.mission(obstacles={"discs": 3}), "obstacles.discs: write a list, not 3"),
+        (lambda: rs.simulate("plain"), "mission: give a Mission, not 'plain'; rs.mission('plain') makes one"),
+        (lambda: rs.simulate([rs.mission(), 3]), "mission: give a Mission, not 3"),
+        (lambda: rs.launch("plain"), "mission: give a Mission, not 'plain'"),
+        (lambda: rs.launch(rs.mission(), "runs/1"), "clock: give 'lockstep' or 'realtime', not 'runs/1'"),
+        (lambda: rs.evaluate("plain"), "mission: give a Mission, not 'plain'"),
+        (lambda: rs.evaluate(rs.mission(), maps="3"), "maps: give a whole number, not '3'"),
+        (lambda: rs.evaluate(rs.mission(), seed_base=1e6), "seed_base: give a whole number, not 1000000.0"),
+        (lambda: rs.evaluate(rs.mission(), on=3), "--on"),
+        (
+            lambda: rs.draw("x.png", []),
+            "flights: give a Flight, as simulate and launch return it, or a list",
+        ),
+        (lambda: rs.draw([], "x.png"), "flights: give a Flight"),
+        (lambda: rs.write_report("x.html", 3), "flight: give a Flight"),
         (lambda: rs.evaluate(rs.mission(), maps=0), "maps: give at least 1"),
         (lambda: rs.launch(rs.mission(policy="__main__:Mine")), "put the class into a module of its own"),
     ],

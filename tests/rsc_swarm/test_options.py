@@ -150,12 +150,12 @@ def test_files_are_named_so_that_they_are_found_from_any_folder(tmp_path, monkey
         (MissionOptions(set=["hold_s"]), "--set hold_s: write FIELD=VALUE"),
         (MissionOptions(set=["hold_s=["]), "--set hold_s: the value is not valid YAML"),
         (MissionOptions(set=["hold_s=1", "hold_s=010"]), "--set hold_s: the value is not valid YAML"),
-        (MissionOptions(set=["radio.loss=on"]), "--set radio.loss: input should be a valid number, not 'on'"),
+        (MissionOptions(set=["radio.loss=on"]), "--set radio.loss: write a number, not 'on'"),
         (
             MissionOptions(frame_rate=70),
             "--frame-rate: 70 Hz is no frame every so many ticks; the nearest are 50 and 100",
         ),
-        (MissionOptions(set=["agents.x=1"]), "agents: input should be a valid integer"),
+        (MissionOptions(set=["agents.x=1"]), "agents: write a whole number"),
         (MissionOptions(mission="nowhere"), "--mission nowhere: no such file; shipped missions are dense"),
     ],
 )
@@ -169,7 +169,7 @@ def test_a_wrong_option_is_named_with_what_would_be_right(options, complaint):
 def test_a_mistake_in_the_file_names_the_file(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("radio: 3\n")
-    with pytest.raises(MissionError, match=r"mine\.yaml: radio: input should be"):
+    with pytest.raises(MissionError, match=r"mine\.yaml: radio: write a mapping of its fields"):
         resolve(MissionOptions(mission=str(file), loss=0.1))
 
 

@@ -26,22 +26,25 @@ class TrajectoryError(SwarmError):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Where N drones were at T moments. Arrays are the recorder's own: copy them before writing to them."""
+    """Where N drones were at T moments, x forward, y left. Arrays are the recorder's own: copy them before writing to them.
+
+    Attributes:
+        positions: (T, N, 2) m. A drone that is out of the air stays where it was lost.
+        velocities: (T, N, 2) m/s.
+        slots: (T, N) the slot each drone says it holds.
+        flying: (T, N) whether the drone is in the air.
+        obstacles: (M, 3) discs: x, y, radius, m; in the order of their numbers in reports.
+        goal_x: the line every drone must pass, m. Not less than the far side of every obstacle.
+        tick_s: seconds from row to row.
+    """
 
     positions: NDArray[np.float64]
-    """(T, N, 2) m. A drone that is out of the air stays where it was lost."""
     velocities: NDArray[np.float64]
-    """(T, N, 2) m/s."""
     slots: NDArray[np.int16]
-    """(T, N) the slot each drone says it holds."""
     flying: NDArray[np.bool_]
-    """(T, N) whether the drone is in the air."""
     obstacles: NDArray[np.float64]
-    """(M, 3) discs: x, y, radius, m; in the order of their numbers in reports."""
     goal_x: float
-    """The line every drone must pass, m. Not less than the far side of every obstacle."""
     tick_s: float
-    """Seconds from row to row."""
 
     @property
     def times(self) -> NDArray[np.float64]:

@@ -89,6 +89,8 @@ def save(figure: Any, out: Path) -> None:
     Raises:
         PlotError: it cannot be written.
     """
+    if out.is_dir() or not out.suffix:
+        raise PlotError(f"--out {out}: give a file that ends in .png, .svg or .pdf")
     figure.tight_layout()
     try:
         figure.savefig(out, dpi=160, facecolor="white")
