@@ -18,6 +18,7 @@ class Condition(NamedTuple):
 
     flying: in the air. responsive: senses, hears and answers. ability: share of its acceleration that a drone has.
     group: only drones of the same radio group hear each other. loss: (E,) share of frames that the radio loses independently.
+    lies: what those say that lie (protocols.wire.lies), by row world * N + agent.
     """
 
     flying: NDArray[np.bool_]
@@ -25,6 +26,7 @@ class Condition(NamedTuple):
     ability: NDArray[np.float64]
     group: NDArray[np.int16]
     loss: NDArray[np.float64]
+    lies: dict[int, str]
 
 
 def sound(missions: Sequence[Mission]) -> Condition:
@@ -36,6 +38,7 @@ def sound(missions: Sequence[Mission]) -> Condition:
         ability=np.ones(shape),
         group=np.full(shape, EVERYONE, np.int16),
         loss=np.array([mission.radio.loss for mission in missions]),
+        lies={},
     )
 
 
@@ -111,3 +114,9 @@ def strike(
             condition.group[world, list(group)] = number
     elif kind == "loss":
         condition.loss[world] = event.fault.loss
+    elif kind in ("lie", "truth"):
+        for agent in agents:
+            row = world * condition.flying.shape[1] + agent
+            condition.lies.pop(row, None)
+            if event.fault.lie:
+                condition.lies[row] = event.fault.lie

@@ -17,6 +17,7 @@ from protocols.wire.frames import (
     RELAYING,
     FrameWriter,
     empty_frames,
+    parts_of,
     swarm_tag,
 )
 
@@ -58,6 +59,19 @@ class Air:
     def pack(self, row: int) -> bytes:
         """The frame as it travels."""
         return self._writer.write(row, self._packed_note(row) if self.frames.loud[row] else b"")
+
+    def unpack(self, row: int, data: bytes) -> None:
+        """Let the row be the frame in these bytes, which is whole and of this swarm."""
+        parts, frames = parts_of(data), self.frames
+        for whole, said in (
+            (frames.fixed_bytes, parts.fixed),
+            (frames.known_bytes, parts.known),
+            (frames.displacement_bytes, parts.displacement),
+            (frames.relayed_bytes, parts.relayed),
+        ):
+            whole[row, : len(said)] = np.frombuffer(said, np.uint8)
+        if frames.loud[row]:
+            self.read_note(row, parts.note)
 
     def _packed_note(self, row: int) -> bytes:
         """What a loud frame carries behind its fixed part and whom it knows of."""

@@ -209,6 +209,8 @@ _UNDONE_BY = {
     "heal": "part",
     "part": "part",
     "loss": "loss",
+    "truth": "lie",
+    "lie": "lie",
 }
 
 
@@ -223,10 +225,12 @@ def _undoes(fault: Fault, other: Fault) -> bool:
 
 
 class _SwarmState:
-    """What the faults so far have done: dead, frozen, slowed drones, a parted radio."""
+    """What the faults so far have done: dead, frozen, slowed, lying drones, a parted radio."""
 
     def __init__(self) -> None:
-        self._struck: dict[str, set[tuple[str, int]]] = {"kill": set(), "freeze": set(), "slow": set()}
+        self._struck: dict[str, set[tuple[str, int]]] = {
+            kind: set() for kind in ("kill", "freeze", "slow", "lie")
+        }
         self._parted = False
         self._kinds: set[str] = set()  # how drones were named so far
 
@@ -240,7 +244,7 @@ class _SwarmState:
         kind = fault.kind
         self._kinds |= {who for who, _ in struck}
         sure = not (unsure and len(self._kinds) > 1)
-        dead, frozen, slowed = self._struck["kill"], self._struck["freeze"], self._struck["slow"]
+        dead, frozen, slowed, lying = (self._struck[of] for of in ("kill", "freeze", "slow", "lie"))
         wrong = None
         if kind == "heal" and not self._parted:
             wrong = "the radio is not parted"
@@ -253,7 +257,11 @@ class _SwarmState:
                     bad := [f"{name} {number}" for name, number in struck if (name, number) in without]
                 ):
                     wrong = f"{bad[0]} is {state}"
-            for who, within, state in (("thaw", frozen, "not frozen"), ("recover", slowed, "not slowed")):
+            for who, within, state in (
+                ("thaw", frozen, "not frozen"),
+                ("recover", slowed, "not slowed"),
+                ("truth", lying, "not lying"),
+            ):
                 if kind == who and (
                     bad := [f"{name} {number}" for name, number in struck if (name, number) not in within]
                 ):
@@ -264,6 +272,8 @@ class _SwarmState:
             frozen.difference_update(struck)
         elif kind == "recover":
             slowed.difference_update(struck)
+        elif kind == "truth":
+            lying.difference_update(struck)
         elif kind == "restart":
             dead.difference_update(struck)
             frozen.difference_update(struck)

@@ -1,12 +1,17 @@
 """Faults: what a mission lets go wrong, when, and to whom."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from protocols.dynamics import ticks_of
 from protocols.mission.values import Number, Probability, Seconds, Section, Who
 
+#: What a drone may be made to say by radio (protocols.wire.lies).
+LieName = Literal[
+    "position", "impossible-motion", "displacement", "observation", "all-alive", "digest", "replay", "forged-swaps",
+    "forged-checkpoint",
+]  # fmt: skip
 _USUAL_FACTOR = 0.5
 
 
@@ -14,7 +19,9 @@ class Fault(Section):
     """Something that happens to the swarm at a given time."""
 
     at_s: Seconds
-    kind: Literal["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover", "loss"]
+    kind: Literal[
+        "kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover", "loss", "lie", "truth"
+    ]  # fmt: skip
     agents: tuple[Who, ...] = ()
     slots: tuple[Who, ...] = Field((), description="whoever holds these slots at the start")
     groups: tuple[tuple[Who, ...], ...] = Field((), description="for part: who hears whom")
@@ -25,6 +32,7 @@ class Fault(Section):
     loss: Probability | None = Field(
         None, description="for loss: share of frames that the radio loses from now on"
     )
+    lie: LieName | None = Field(None, description="for lie: what the drone says by radio from now on")
 
     @property
     def at_tick(self) -> int:
@@ -38,6 +46,8 @@ class Fault(Section):
             raise ValueError("groups: a part needs at least two groups of agents")
         if self.kind == "loss" and self.loss is None:
             raise ValueError("loss: say which share of frames is lost, for example 0.3")
+        if self.kind == "lie" and self.lie is None:
+            raise ValueError(f"lie: say which, one of {', '.join(get_args(LieName))}")
         if whose and not (self.agents or self.slots):
             raise ValueError(f"agents: name at least one agent (or slot) to {self.kind}")
         for field, idle in (
@@ -46,6 +56,7 @@ class Fault(Section):
             ("groups", self.kind != "part" and self.groups),
             ("factor", self.kind != "slow" and self.factor != _USUAL_FACTOR),
             ("loss", self.kind != "loss" and self.loss is not None),
+            ("lie", self.kind != "lie" and self.lie is not None),
         ):
             if idle:
                 raise ValueError(f"{field}: means nothing to {self.kind}; leave it out")

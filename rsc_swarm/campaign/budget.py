@@ -6,7 +6,7 @@ from protocols.dynamics import ticks_of
 from protocols.mission.document import Mission, MissionError, parse_mission
 from protocols.mission.fields import Radio
 
-TROUBLES = ("kill", "freeze", "hang", "restart", "part", "slow", "spell")
+TROUBLES = ("kill", "freeze", "hang", "restart", "part", "slow", "spell", "lie")
 WEATHER = ("loss", "burst", "delay_ms", "jitter_ms", "duplicate", "reorder")
 
 
@@ -17,7 +17,8 @@ class Budget:
     kill: drones that die. freeze: drones that hang for up to ``freeze_s`` and go on. hang: that hang as long and are then
     restarted. restart: that lose their memory in flight. part: times that the radio is split in two, for up to ``part_s``. slow:
     drones that have at least ``slow_factor`` of their limits for up to ``slow_s``. spell: times that the radio loses up to
-    ``spell_loss`` of all frames, for up to ``spell_s``. The rest are the worst of the mission's radio.
+    ``spell_loss`` of all frames, for up to ``spell_s``. lie: drones that lie by radio for up to
+    ``lie_s``. The rest are the worst of the mission's radio.
     """
 
     kill: int = 1
@@ -27,6 +28,7 @@ class Budget:
     part: int = 1
     slow: int = 1
     spell: int = 1
+    lie: int = 0
     loss: float = 0.2
     burst: float = 0.3
     delay_ms: float = 20.0
@@ -40,6 +42,7 @@ class Budget:
     slow_factor: float = 0.5
     spell_s: float = 3.0
     spell_loss: float = 0.5
+    lie_s: float = 3.0
 
     def __str__(self) -> str:
         """As it is written on the command line."""
@@ -53,6 +56,7 @@ class Budget:
             (self.part, self.part_s),
             (self.slow, self.slow_s),
             (self.spell, self.spell_s),
+            (self.lie, self.lie_s),
         )
         return self.until_s + max(seconds for allowed, seconds in (*lasting, (1, 0.0)) if allowed)
 
@@ -61,7 +65,7 @@ _MOST = {
     **dict.fromkeys(TROUBLES, 20),
     **dict.fromkeys(("loss", "burst", "duplicate", "reorder", "slow_factor", "spell_loss"), 1),
     **dict.fromkeys(("delay_ms", "jitter_ms"), 500),
-    **dict.fromkeys(("until_s", "freeze_s", "part_s", "slow_s", "spell_s"), 600),
+    **dict.fromkeys(("until_s", "freeze_s", "part_s", "slow_s", "spell_s", "lie_s"), 600),
 }
 
 

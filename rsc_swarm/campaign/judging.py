@@ -4,6 +4,9 @@
                 the pauses; no swap is undone but for the reasons in docs/slots.md
     liveness    after the last trouble is over: all living drones come to one view, and to the goal in formation, in time
 
+Who hears a lie that could be true believes it, so where drones know each other by radio alone a collision while somebody lies is
+excused; where they see each other, none is.
+
 What nobody could have prevented is no breach: a drone that hangs drifts on, so what it hits while it hangs, or before it can have
 braked after, is counted as excused; so is what a dead drone hits that comes back where it died, perhaps amid the others.
 """
@@ -13,6 +16,7 @@ from dataclasses import dataclass
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
+from protocols.mission.fault import Fault
 from rsc_swarm.flight.report import describe, missed_faults
 from rsc_swarm.study.workers import Flight
 from world.field import draw_slots
@@ -69,28 +73,40 @@ def excuse(mission: Mission, closest: str) -> str | None:
     if not text:
         return None
     agents = [int(text[1])] if "obstacle" in closest else [int(text[1]), int(text[3])]
+    liars = range(mission.agents) if mission.sensing.neighbours == "heard" else ()
     at_s, slots = float(text[4]), draw_slots(mission).tolist()
-    for agent in agents:
-        for begin, end in _away(mission, agent, slots):
-            if begin < at_s <= end + _BRAKING_S:
-                return f"agent {agent} hung, or was dead, from {begin:g} to {end:g} s"
+    for who, spells, what in ((agents, _away, "hung, or was dead,"), (liars, _lied, "lied by radio")):
+        for agent in who:
+            for begin, end in spells(mission, agent, slots[agent]):
+                if begin < at_s <= end + _BRAKING_S:
+                    return f"agent {agent} {what} from {begin:g} to {end:g} s"
     return None
 
 
-def _away(mission: Mission, agent: int, slots: list[int]) -> list[tuple[float, float]]:
-    """When the drone neither sensed nor answered: (from, to) in seconds."""
+def _away(mission: Mission, agent: int, slot: int) -> list[tuple[float, float]]:
+    """When the drone, which began in ``slot``, neither sensed nor answered: (from, to) in seconds."""
     spells, since, dead = [], None, False
-    for fault in sorted(mission.faults, key=lambda fault: fault.at_s):
-        struck = agent in fault.agents or slots[agent] in fault.slots
-        if struck and fault.kind in ("freeze", "kill"):
+    for fault in _befell(mission, agent, slot):
+        if fault.kind in ("freeze", "kill"):
             since = fault.at_s if since is None else since
             dead = dead or fault.kind == "kill"
-        elif (
-            struck and since is not None and (fault.kind == "restart" or (fault.kind == "thaw" and not dead))
-        ):
+        elif since is not None and (fault.kind == "restart" or (fault.kind == "thaw" and not dead)):
             spells.append((since, fault.at_s))
             since, dead = None, False
     return spells if since is None else [*spells, (since, float("inf"))]
+
+
+def _lied(mission: Mission, agent: int, slot: int) -> list[tuple[float, float]]:
+    """When the drone, which began in ``slot``, lied by radio: (from, to) in seconds."""
+    told = [fault for fault in _befell(mission, agent, slot) if fault.kind in ("lie", "truth")]
+    ends = [*(fault.at_s for fault in told[1:]), float("inf")]
+    return [(fault.at_s, end) for fault, end in zip(told, ends, strict=False) if fault.kind == "lie"]
+
+
+def _befell(mission: Mission, agent: int, slot: int) -> list[Fault]:
+    """The faults that struck this drone, in the order of time."""
+    struck = [fault for fault in mission.faults if agent in fault.agents or slot in fault.slots]
+    return sorted(struck, key=lambda fault: fault.at_s)
 
 
 def _may_undo(mission: Mission, flight: Flight) -> bool:

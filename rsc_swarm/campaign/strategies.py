@@ -5,7 +5,7 @@ Simpler is nearer to nothing going wrong, early: so Hypothesis shrinks towards t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from hypothesis import strategies as st
@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from protocols.dynamics import TICK_S, ticks_of
 from protocols.mission.document import Mission
+from protocols.mission.fault import LieName
 from protocols.mission.fields import Radio
 from rsc_swarm.campaign.budget import WEATHER, Budget, ready, spoilt
 
@@ -120,6 +121,7 @@ def _troubles(mission: Mission, budget: Budget) -> SearchStrategy[tuple[Trouble,
             lasting(budget.spell_s),
             st.integers(1, round(100 * budget.spell_loss)),
         ),
+        "lie": st.builds(_lie, drone, begin, lasting(budget.lie_s), st.sampled_from(get_args(LieName))),
     }
     allowed = [
         st.lists(kinds[kind], max_size=getattr(budget, kind))
@@ -187,6 +189,14 @@ def _slow(drone: int | None, begin: int | _After, lasting: int, percent: int) ->
     def made(spot: _Spot) -> Trouble:
         slow, recover = _both(spot.when(begin), lasting, "slow", "recover", agents=[spot.who(drone)])
         return [{**slow, "factor": percent / 100}, recover]
+
+    return made
+
+
+def _lie(drone: int | None, begin: int | _After, lasting: int, name: str) -> _Draft:
+    def made(spot: _Spot) -> Trouble:
+        lie, truth = _both(spot.when(begin), lasting, "lie", "truth", agents=[spot.who(drone)])
+        return [{**lie, "lie": name}, truth]
 
     return made
 

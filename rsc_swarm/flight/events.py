@@ -13,6 +13,7 @@ import numpy as np
 
 from protocols.mission.document import Mission
 from protocols.mission.fault import Fault
+from protocols.wire.lies import says
 from rsc_swarm.flight.detours import detours
 from rsc_swarm.flight.report import FlightReport, agents_text, describe
 from rsc_swarm.flight.slot_changes import SlotChange, slot_changes
@@ -34,6 +35,8 @@ KINDS = {
     "part": "the radio is parted into groups that do not hear each other",
     "heal": "all hear each other again",
     "loss": "the radio loses another share of frames from now on",
+    "lie": "a drone says by radio what is not so",
+    "truth": "a drone that lied says what is so again",
     "lost": "a drone is out of the air without the mission's doing: struck off, or landed by its failsafe",
     "swap": "two drones exchange their slots",
     "takeover": "a drone takes a slot that another does not hold any more",
@@ -177,6 +180,8 @@ class _Told:
                 "restart": "begins anew, knowing nothing",
                 "slow": f"has {100 * fault.factor:.0f} % of its acceleration left",
                 "recover": "has all of its acceleration again",
+                "lie": f"lies by radio: {fault.lie and says(fault.lie)}",
+                "truth": "tells the truth again",
             }[fault.kind]
             # The dead are past all but a restart; who was struck off is past that, too.
             flying = self._path.flying[fault.at_tick + (fault.kind == "restart")]

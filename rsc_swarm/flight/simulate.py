@@ -19,6 +19,7 @@ from world.core import Answers, Inbox, WorldCore
 from world.director import Director
 from world.faults import Event
 from world.invariants import Invariants
+from world.liars import Liars
 from world.outcome import Outcome
 
 ROWS = 600  # drones in step: more would hardly be faster, and flights would end in larger bunches
@@ -58,6 +59,7 @@ class Simulation:
             np.ones(self._rows, np.bool_), self.world.sensed, self._air, self.world.inbox_start, self._heard
         )
         self._boots = np.zeros(self._rows, np.int64)
+        self._liars = Liars(self.world)
         self.director = Director(self.world, self)
 
     @property
@@ -94,11 +96,19 @@ class Simulation:
         first = (tick % world.ring) * self._rows
         self._inputs.awake[:] = awake = world.rows_awake
         said = self.agents.tick(tick, self._inputs, first)
+        if world.condition.lies:
+            self._lie(tick, first, said.sent)
         telling = said.changed
         if self._telling and is_due(tick, changed=False):
             telling = tuple(np.flatnonzero(awake).tolist())
         accounts = [(row, self.status(row, tick)) for row in telling]
         return Answers(said.command, self._air.sizes(first, said.sent), said.slot, accounts)
+
+    def _lie(self, tick: int, first: int, sent: NDArray[np.bool_]) -> None:
+        """What liars have said becomes what they are to say."""
+        for row in self._liars.rows:
+            if sent[row]:
+                self._air.unpack(first + row, self._liars.tell(row, tick, self._air.pack(first + row)))
 
     def farewell(self) -> list[tuple[int, AgentStatus]]:
         """The last accounts of all drones that fly and answer."""

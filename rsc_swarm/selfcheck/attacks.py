@@ -12,9 +12,9 @@ import msgpack
 import zenoh
 
 from protocols.slots.history import Swap, pack_swap
-from protocols.slots.notes import Assignment, SlotNote, encode
+from protocols.slots.notes import SlotNote
 from protocols.slots.seals import Sealed
-from protocols.wire import keys, messages
+from protocols.wire import keys, lies, messages
 from protocols.wire.frames import FIXED, MAX_FRAME_BYTES, parts_of
 from protocols.wire.messages import Hello, Ready, Reply
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
@@ -22,7 +22,7 @@ from rsc_swarm.selfcheck.insider import Attack, Turn
 
 BEGIN = 100  # tick
 assert FIXED.fields is not None
-_MOTION, _SENDER, _AGES = (FIXED.fields[name][1] for name in ("motion", "sender", "ages"))
+_MOTION, _SENDER = (FIXED.fields[name][1] for name in ("motion", "sender"))
 
 
 def nested_note(turn: Turn) -> None:
@@ -125,10 +125,7 @@ def anothers_slot(turn: Turn) -> None:
 
 def forged_swaps(turn: Turn) -> None:
     """swaps between two others that neither of them has made"""
-    a, b = turn.random.sample([other for other in range(turn.agents) if other != turn.me], 2)
-    op = Swap(turn.asked.tick, a, turn.random.randrange(2**40), a, b, b)
-    forged = Sealed(op, 2 * turn.seals.seal(pack_swap(op)))
-    turn.answer_frame(note=_note(SlotNote(turn.random.randrange(2**64), False, ops=(forged,))))
+    turn.lie(lies.forged_swaps)
 
 
 def absurd_counter(turn: Turn) -> None:
@@ -136,14 +133,12 @@ def absurd_counter(turn: Turn) -> None:
     other = (turn.me + 1) % turn.agents
     op = Swap(2**56 - 1, turn.me, 1, turn.me, other, other, taken=True)
     swap = Sealed(op, turn.seals.seal(pack_swap(op)))
-    turn.answer_frame(note=_note(SlotNote(turn.random.randrange(2**64), False, ops=(swap,))))
+    turn.answer_frame(note=lies.packed(SlotNote(turn.random.randrange(2**64), False, ops=(swap,))))
 
 
 def forged_checkpoint(turn: Turn) -> None:
     """a history of ten thousand swaps, after which all drones change places"""
-    slots = tuple(turn.random.sample(range(turn.agents), turn.agents))
-    whole = Assignment(slots, 10_000 + turn.asked.tick, turn.me)
-    turn.answer_frame(note=_note(SlotNote(turn.random.randrange(2**64), True, whole=whole)))
+    turn.lie(lies.forged_checkpoint)
 
 
 def forged_permutations(turn: Turn) -> None:
@@ -161,10 +156,7 @@ def anothers_name(turn: Turn) -> None:
 
 def impossible_motion(turn: Turn) -> None:
     """it says that it is where nobody can be so soon, at speeds that nothing has"""
-    lie = [turn.random.uniform(-50, 50) for _ in range(2)] + [
-        turn.random.choice([3e38, -1e6, 500.0, 0.0]) for _ in range(2)
-    ]
-    turn.answer_frame(fixed=_patched(turn, _MOTION, struct.pack("<4f", *lie)))
+    turn.lie(lies.impossible_motion)
 
 
 def not_a_number(turn: Turn) -> None:
@@ -177,7 +169,7 @@ def not_a_number(turn: Turn) -> None:
 
 def all_alive(turn: Turn) -> None:
     """it says that it has just heard everybody, the dead too"""
-    turn.answer_frame(fixed=_patched(turn, _AGES, bytes(8)))
+    turn.lie(lies.all_alive)
 
 
 def repeats_others(turn: Turn) -> None:
@@ -247,11 +239,6 @@ def _status(turn: Turn, **instead: Any) -> AgentStatus:
         turn.reply.slot, 0, (0,) * 7, (0,) * len(SWAP_COUNTS), 1, bytes(range(turn.agents))
     )
     return honest._replace(**instead)
-
-
-def _note(note: SlotNote) -> bytes:
-    packed: bytes = msgpack.packb(encode(note))
-    return packed
 
 
 def _patched(turn: Turn, place: int, data: bytes) -> bytes:

@@ -9,11 +9,14 @@ from contextlib import suppress
 from random import Random
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from agent.process import fly, seals_of
 from agent.radio.link import AgentLink
 from protocols.slots.seals import Seals, Stamps
 from protocols.wire import keys, messages
 from protocols.wire.frames import altered
+from protocols.wire.lies import Honest, Lie
 from protocols.wire.login import Login
 from protocols.wire.messages import Reply, Tick
 from rsc_swarm.flight.processes import leave_on_sigterm
@@ -48,6 +51,14 @@ class Turn(NamedTuple):
         """Answer honestly, but for these parts of the frame: fixed, known, displacement, note."""
         frame = self.reply.frame
         self.answer(frame=None if frame is None else altered(frame, **instead))
+
+    def lie(self, lie: Lie) -> None:
+        """Answer honestly, but for a frame that lies."""
+        said, tick = self.reply.frame, self.asked.tick
+        if said is not None:
+            random = np.random.default_rng(self.random.randrange(2**32))
+            said = lie(Honest(self.me, self.agents, tick, said, random, self.seals.seal))
+        self.answer(frame=said)
 
 
 Attack = Callable[[Turn], None]

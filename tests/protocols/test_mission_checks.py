@@ -251,6 +251,10 @@ def fault(at_s: float, kind: str, **what: Any) -> dict[str, Any]:
         ([fault(1, "slow", slots=[1]), fault(1, "recover", slots=[1])], "faults.1: this recover undoes faults.0"),
         ([fault(1, "part", groups=[[1], [2]]), fault(1, "heal")], "faults.1: this heal undoes faults.0"),
         ([fault(1, "loss", loss=1), fault(1, "loss", loss=0.5)], "faults.1: this loss undoes faults.0"),
+        ([fault(1, "truth", agents=[1])], "faults.0: drone 1 is not lying at 1 s"),
+        ([fault(1, "lie", agents=[1], lie="digest"), fault(1, "truth", agents=[1])], "faults.1: this truth undoes faults.0"),
+        ([fault(1, "lie", agents=[1])], "faults.0: lie: say which, one of position, impossible-motion, displacement, ob"),
+        ([fault(1, "slow", agents=[1], lie="digest")], "faults.0: lie: means nothing to slow; leave it out"),
         ([fault(1, "loss")], "faults.0: loss: say which share of frames is lost, for example 0.3"),
         ([fault(1, "heal", loss=0.3)], "faults.0: loss: means nothing to heal"),
         ([fault(1, "loss", loss=0.3, agents=[1])], "faults.0: agents: means nothing to loss"),
@@ -278,6 +282,7 @@ def test_faults_that_undo_each_other_are_flown() -> None:
         fault(4, "freeze", agents=[2]), fault(5, "thaw", slots=[2]), fault(6, "freeze", agents=[2]),
         fault(1, "slow", agents=[3]), fault(2, "slow", agents=[3], factor=0.2), fault(3, "recover", agents=[3]),
         fault(1, "part", groups=[[0], [1]]), fault(2, "part", groups=[[0, 1], [2]]), fault(3, "heal"),
+        fault(1, "lie", agents=[4], lie="digest"), fault(2, "lie", agents=[4], lie="replay"), fault(3, "truth", agents=[4]),
     ]  # fmt: skip
     assert len(parse_mission({"faults": kinds}).faults) == len(kinds)
 

@@ -133,7 +133,9 @@ NUMBERS = (
     | st.floats()
 )
 WHO = st.lists(NUMBERS, max_size=2)
-KINDS = st.sampled_from(["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover", "x"])
+KINDS = st.sampled_from(
+    ["kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover", "lie", "truth", "x"]
+)
 GROUPS = st.lists(st.lists(st.integers(-1, 30), max_size=2), max_size=2)
 FAULTS = st.lists(
     st.fixed_dictionaries(

@@ -106,7 +106,9 @@ FAULTS = [
     {"at_s": 0.5, "kind": "heal"},
     {"at_s": 0.6, "kind": "recover", "agents": [0]},
     {"at_s": 0.7, "kind": "restart", "agents": [2]},
+    {"at_s": 0.75, "kind": "lie", "agents": [2], "lie": "all-alive"},
     {"at_s": 0.8, "kind": "kill", "agents": [3]},
+    {"at_s": 0.9, "kind": "truth", "agents": [2]},
     {"at_s": 5, "kind": "kill", "agents": [0]},
 ]
 
@@ -117,6 +119,8 @@ def test_every_fault_is_told_when_it_struck_and_none_that_came_too_late():
     assert struck == [(fault["at_s"], fault["kind"]) for fault in FAULTS[:-1]]
     parted = next(event for event in flight.events if event.what == "part")
     assert parted.text == "the radio is parted: 0, 1 | 2 | 3 hear each other no more"
+    lied = next(event for event in flight.events if event.what == "lie")
+    assert lied.text == "agent 2 lies by radio: it has just heard everybody, the dead too"
     assert (flight.events[0].what, flight.events[-1].what) == ("start", "end")
     assert (flight.events[-1].why, flight.events[-1].text) == ("late", flight.report.detail)
 

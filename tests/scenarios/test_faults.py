@@ -3,8 +3,9 @@
 import json
 import subprocess
 import sys
-from typing import Any
+from typing import Any, get_args
 
+from protocols.mission.fault import LieName
 from tests.rsc_swarm.watch.test_hands import HANDS
 from tests.scenarios.flights import ROOT, Fields, launched, whole
 from tests.scenarios.test_twins import flown_here, simulated
@@ -34,6 +35,14 @@ FAULTS: dict[str, list[Fields]] = {
     "part-and-heal": [fault(0.3, "part", groups=[[0, 1, 2], [3, 4, 5]]), fault(2.5, "heal")],
     "loss-and-none": [fault(0.5, "loss", loss=0.8), fault(1.5, "loss", loss=0.0)],
     "slow-and-recover": [fault(0, "slow", slots=[4], factor=0.5), fault(2, "recover", slots=[4])],
+    "lies-of-one-and-another": [
+        fault(round(0.1 + 0.3 * number, 2), "lie", agents=[number % 4], lie=lie)
+        for number, lie in enumerate(get_args(LieName))
+    ],
+    "lies-and-truth": [
+        fault(0.5, "lie", slots=[2], lie="observation"),
+        fault(1, "truth", slots=[2]),
+    ],
     "thaw-of-the-dead": [
         fault(0.5, "freeze", agents=[0]),
         fault(1, "kill", agents=[0]),

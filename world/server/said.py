@@ -14,6 +14,7 @@ from protocols.wire.messages import MAX_FROM_DRONE, MAX_PROOF, REPLY_AT, REPLY_H
 from protocols.wire.rows import as_bytes, bytes_of, get_number, put_bytes
 from protocols.wire.status import AgentStatus
 from world.core import Answers, WorldCore
+from world.liars import Liars
 from world.server.questions import Frames, empty_frames
 
 _HEAD_BYTES = REPLY_HEAD.size
@@ -85,7 +86,7 @@ class Said:
 
     def __init__(self, core: WorldCore) -> None:
         self._agents, self._ring, self._first = core.shape[1], core.ring, 0
-        self.frames = empty_frames(core)
+        self.frames, self._liars = empty_frames(core), Liars(core)
         self.command, self._sent_bytes = np.zeros((self._agents, 2)), np.zeros(self._agents, np.int64)
         self._claim = core.claim[0].astype(np.int64)
         # The same numbers, to be filled one by one.
@@ -131,8 +132,21 @@ class Said:
             self._frame_of[place * MAX_FRAME_BYTES : place * MAX_FRAME_BYTES + size] = reply.frame
             self._size_of[place] = self._sent_bytes_of[agent] = size
 
+    def _lie(self) -> None:
+        """What liars have said becomes what they are to say."""
+        for agent in self._liars.rows:
+            place, size = self._first + agent, self._sent_bytes_of[agent]
+            if size:
+                begin = place * MAX_FRAME_BYTES
+                told = self._liars.tell(
+                    agent, int(self._given[3]), bytes(self._frame_of[begin : begin + size])
+                )
+                self._frame_of[begin : begin + len(told)] = told
+                self._size_of[place] = self._sent_bytes_of[agent] = len(told)
+
     def answers(self) -> Answers:
         """All of it."""
+        self._lie()
         in_order = sorted(
             self._accounts, key=itemgetter(0)
         )  # those of one drone as they came: it may catch up

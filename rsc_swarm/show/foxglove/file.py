@@ -27,7 +27,7 @@ from world.outlets.judged import findings_of
 
 _EVERY_S, _SCENE_EVERY_S = 0.05, 0.1
 _BAD = ("kill", "lost", "collision")
-_ODD = ("freeze", "restart", "slow", "part")
+_ODD = ("freeze", "restart", "slow", "part", "lie")
 _NUMBER, _INTEGER, _TRUTH = {"type": "number"}, {"type": "integer"}, {"type": "boolean"}
 _DRONE = {
     "agent": _INTEGER, "flying": _TRUTH, "slot": _INTEGER, "x_m": _NUMBER, "y_m": _NUMBER, "vx_mps": _NUMBER,

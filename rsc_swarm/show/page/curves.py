@@ -15,7 +15,19 @@ from world.outlets.judged import findings_of
 WIDTH, HEIGHT = 520.0, 190.0  # px
 LEFT, RIGHT, TOP, BOTTOM = 44.0, 12.0, 12.0, 24.0
 _MOST_POINTS = 500
-_MARKED = ("kill", "freeze", "thaw", "restart", "slow", "recover", "lost", "collision", "success")
+_MARKED = (
+    "kill",
+    "freeze",
+    "thaw",
+    "restart",
+    "slow",
+    "recover",
+    "lie",
+    "truth",
+    "lost",
+    "collision",
+    "success",
+)
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,11 @@ _MOST_POINTS = 40_000  # of all paths together
 _MOMENTS = 4  # at which the formation is drawn
 _APART_M = 2.0
 _MARKED = (
-    "kill", "lost", "freeze", "thaw", "restart", "slow", "recover", "swap", "takeover", "move", "detour", "closest", "collision"
+    "kill", "lost", "freeze", "thaw", "restart", "slow", "recover", "lie", "truth", "swap", "takeover", "move", "detour",
+    "closest", "collision",
 )  # fmt: skip
 
-_NUMBERED = ("kill", "lost", "freeze", "thaw", "restart", "slow", "recover")
+_NUMBERED = ("kill", "lost", "freeze", "thaw", "restart", "slow", "recover", "lie", "truth")
 
 
 @dataclass(frozen=True)

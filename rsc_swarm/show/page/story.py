@@ -22,6 +22,8 @@ _GROUPED = (
     "restart",
     "slow",
     "recover",
+    "lie",
+    "truth",
     "lost",
 )
 _MOST_NAMED = 6
@@ -134,6 +136,7 @@ def _together(what: str, events: list[Event]) -> tuple[str, str]:
         "kill": "die", "freeze": "hang: they sense, hear and answer nothing", "thaw": "go on",
         "restart": "begin anew, knowing nothing", "slow": "have only a share of their acceleration left",
         "recover": "have all of their acceleration again", "lost": "are out of the air",
+        "lie": "lie by radio", "truth": "tell the truth again",
     }[what]  # fmt: skip
     return f"{who} {doing}." if len(who) < 100 else f"{agents_text(len(events))} {doing}.", "; ".join(whys)
 

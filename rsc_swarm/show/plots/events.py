@@ -30,6 +30,7 @@ NUMBERED = {
     "freeze": Mark("hung", "s", 6.5, "#d97706", "white"),
     "restart": Mark("restarted", "P", 9.0, "#0f9d76", "white"),
     "slow": Mark("slowed", "v", 7.5, "#8b4fc4", "white"),
+    "lie": Mark("lied", "p", 7.5, "#8b4fc4", "white"),
 }
 
 

@@ -151,6 +151,17 @@ def test_who_comes_back_from_the_dead_may_come_back_amid_the_others(before: list
         assert isinstance(found, Excused) == excused
 
 
+def test_a_lie_is_an_excuse_only_among_drones_that_see_nobody() -> None:
+    lie = [
+        {"at_s": 1, "kind": "lie", "agents": [3], "lie": "position"},
+        {"at_s": 2, "kind": "truth", "agents": [3]},
+    ]
+    for neighbours, at_s, excused in (("heard", 2.2, True), ("heard", 3.4, False), ("sensed", 1.5, False)):
+        mission = Mission(agents=9, sensing={"neighbours": neighbours}, faults=lie)
+        found = judge(mission, Flight(1, 1, collision("agents 1 and 4", at_s), SEEN, SWAPS))
+        assert isinstance(found, Excused) == excused
+
+
 def test_a_swap_may_be_undone_for_the_reasons_that_are_stated() -> None:
     undone = replace(SEEN, undone=1)
     assert judge(HUNG, Flight(1, 1, SOUND, undone, {**SWAPS, "timed_out": 1})) is None

@@ -12,7 +12,7 @@ from rsc_swarm.campaign.flying import Plan, drawn
 from rsc_swarm.campaign.strategies import missions
 
 NINE = Mission(agents=9)
-HARSH = Budget(kill=2, freeze=2, hang=2, restart=2, part=2, slow=2, burst=0.6)
+HARSH = Budget(kill=2, freeze=2, hang=2, restart=2, part=2, slow=2, lie=2, burst=0.6)
 
 
 @settings(max_examples=60, deadline=None)
@@ -23,6 +23,7 @@ def test_no_more_goes_wrong_than_the_budget_says(mission: Mission) -> None:
     assert kinds["freeze"] == kinds["thaw"] + kinds["restart"] - _plain_restarts(mission) <= 4
     assert kinds["part"] == kinds["heal"] <= 2
     assert kinds["slow"] == kinds["recover"] <= 2
+    assert kinds["lie"] == kinds["truth"] <= 2
     assert kinds["loss"] <= 2
     spells = [fault.loss for fault in mission.faults if fault.kind == "loss"]
     assert all(mission.radio.loss <= loss <= HARSH.spell_loss for loss in spells)
@@ -82,7 +83,19 @@ def test_every_kind_of_trouble_comes_and_the_mission_keeps_its_own() -> None:
     mission = Mission(agents=9, faults=[{"at_s": 3, "kind": "kill", "slots": [8]}])
     all_drawn = drawn(Plan(mission, HARSH, 0, 64), 0)
     kinds = Counter(fault.kind for mission in all_drawn for fault in mission.faults)
-    assert set(kinds) == {"kill", "freeze", "thaw", "restart", "part", "heal", "slow", "recover", "loss"}
+    assert set(kinds) == {
+        "kill",
+        "freeze",
+        "thaw",
+        "restart",
+        "part",
+        "heal",
+        "slow",
+        "recover",
+        "loss",
+        "lie",
+        "truth",
+    }
     assert all(mission.faults[0] in one.faults for one in all_drawn)
 
 
@@ -90,7 +103,7 @@ def test_a_budget_is_read_as_it_is_written() -> None:
     assert parse_budget(None) == parse_budget(str(Budget())) == Budget()
     assert parse_budget("kill=2,burst=0.5") == Budget(kill=2, burst=0.5)
     nothing = parse_budget("none,restart=3")
-    assert [getattr(nothing, kind) for kind in TROUBLES] == [0, 0, 0, 3, 0, 0, 0]
+    assert [getattr(nothing, kind) for kind in TROUBLES] == [0, 0, 0, 3, 0, 0, 0, 0]
     assert nothing.loss == nothing.delay_ms == 0
     assert nothing.last_s == nothing.until_s, "nothing else lasts"
 
