@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agent.air.log import FlightLog
+from protocols.dynamics import TICK_S
 from protocols.fleet.plan import Plan
 from protocols.whole_file import write_whole
 from rsc_swarm.air.judged import Judged, judged, path_of
@@ -38,7 +39,12 @@ def keep(folder: RunDir, plan: Plan, log: FlightLog, events: Sequence[dict[str, 
     end = End(outcome.failure, f"over: {outcome.failure or 'in formation beyond the goal line'}")
     happened = events_of(path.until(plan.ticks + 1), plan.mission, end)
     write_whole(folder.events, json_lines(happened))
-    report = {**asdict(outcome), "where": "air", "scale": plan.fleet.scale, **told, "events": list(events)}
+    report = {
+        "success": outcome.failure is None,
+        "time_s": plan.ticks * TICK_S if outcome.tau_s is None else outcome.tau_s,
+        "detail": end.text,
+        **asdict(outcome), "where": "air", "scale": plan.fleet.scale, **told, "events": list(events),
+    }  # fmt: skip
     write_whole(folder.report, json.dumps(report, indent=2) + "\n")
     lines = [f"{event['utc_s']:.2f} {event['drone']} {event['phase']}: {event['why']}" for event in events]
     write_whole(folder.logs / "events.txt", "\n".join([*lines, ""]))

@@ -68,6 +68,8 @@ def _again(
     """The pictures of the flight flown again, if it is the same; else none, and why."""
     if report is None:
         return [], "it has no report to be held against"
+    if "digest" not in report:
+        return [], "it was flown on the air, which nobody flies again"
     ticks, pictures = int(report["ticks"]), []
     try:
         for director in fly_again(mission, report.get("clock", ""), ticks, report.get("digest", "")):

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Protocol
 
 from protocols.closing import Closing
+from rsc_swarm.machine.priority import go_first
 
 _STEP_S = 0.005
 
@@ -63,6 +64,7 @@ class Wires(Closing):
         self._thread.start()
 
     def _run(self) -> None:
+        go_first()  # as drones' processes do: a real vehicle does not wait for them
         selector = selectors.DefaultSelector()
         for index, one in enumerate(self._sockets):
             selector.register(one, selectors.EVENT_READ, index)

@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agent.air.log import FlightLog
+from rsc_swarm.air.folder import event_of, keep
+from rsc_swarm.air.plans import read_plan
 from rsc_swarm.cli.commands import app
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.watch.replay import replay_of
@@ -74,3 +77,17 @@ def test_others_are_shown_as_they_were_recorded(run: RunDir, change: dict[str, s
 def test_a_folder_without_a_flight_is_said_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(RunDirError, match="no flight recorded here"):
         replay_of(RunDir(tmp_path))
+
+
+def test_a_flight_on_the_air_is_shown_as_it_was_heard(tmp_path: Path) -> None:
+    plan = read_plan(Path(__file__).parents[3] / "examples" / "room.yaml")
+    log = FlightLog(plan)
+    for tick in range(41):
+        log.record(tick, {}, 0.0)
+    keep(RunDir(tmp_path / "1"), plan, log, [event_of(0, 1.0, "fly", ["start"])], missed={0: 0})
+    told = replay_of(RunDir(tmp_path / "1"))
+    assert told.recorded == "it was flown on the air, which nobody flies again"
+    assert [unpacked(shown).tick for shown in told.pictures] == [*range(0, 41, 4)]
+    assert told.report is not None
+    assert (told.report["success"], told.report["failure"]) == (False, "late")
+    assert told.report["time_s"] > 0
