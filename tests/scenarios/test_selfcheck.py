@@ -1,9 +1,13 @@
 """One drone turns against the others, in real processes: they fly on and reach the goal. The whole is ``rsc-swarm selfcheck``."""
 
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+import psutil
 
 from tests.scenarios.flights import ROOT
 
@@ -21,6 +25,22 @@ def test_nothing_that_one_drone_does_ends_or_spoils_the_flight_of_the_others(tmp
     trials = json.loads(figures.read_text())
     assert [trial["attack"] for trial in trials] == ATTACKS
     assert all(trial["honest_lost"] == [] and trial["succeeded"] for trial in trials)
+
+
+def test_a_check_in_mid_flight_stops_when_asked_and_flies_no_other() -> None:
+    words = ["selfcheck", "--attacks", "exits", "--maps", "9", "-n", "3"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "rsc_swarm", *words],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as check:
+        while len(psutil.Process(check.pid).children(recursive=True)) < 4:  # the world and its drones
+            time.sleep(0.05)
+        check.send_signal(signal.SIGINT)
+        out, err = check.communicate(timeout=60)
+    assert (check.returncode, err.splitlines()[-1]) == (130, "stopped after 0 of 9 flights"), out + err
 
 
 def test_an_attack_that_is_none_is_named(tmp_path: Path) -> None:
