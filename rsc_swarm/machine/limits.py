@@ -4,8 +4,7 @@ import errno
 import resource
 from pathlib import Path
 
-from protocols.errors import BrokenError
-from protocols.mission.document import MissionError
+from protocols.errors import BrokenError, SwarmError
 from protocols.wire.keys import MAX_AGENTS
 
 # Of the world, which needs most: it was seen to have 27 files open with 4 drones, 63 with 40, and 1.4 GiB of addresses.
@@ -17,15 +16,19 @@ class MachineError(BrokenError):
     """The machine gives too little; one line says of what."""
 
 
+class TooManyError(SwarmError):
+    """More drones are asked for than can be processes of their own; one line says how many can."""
+
+
 def make_room(drones: int) -> None:
     """Allow this process and its children the open files that a flight of ``drones`` needs.
 
     Raises:
-        MissionError: so many drones cannot talk. MachineError: it may not have the files, or too little memory, which would
+        TooManyError: so many drones cannot talk. MachineError: it may not have the files, or too little memory, which would
             show as something else, and late.
     """
     if drones > MAX_AGENTS:
-        raise MissionError(
+        raise TooManyError(
             f"agents: {drones} drones are too many for a process each: fly at most {MAX_AGENTS}, or use simulate or evaluate"
         )
     needed = _FILES + _FILES_PER_DRONE * drones

@@ -15,9 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from protocols.mission.document import MissionError
 from rsc_swarm.flight.key_files import make_login_files
-from rsc_swarm.machine.limits import make_room
+from rsc_swarm.machine.limits import TooManyError, make_room
 from rsc_swarm.machine.service import Service
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -335,7 +334,7 @@ def test_a_drone_that_looks_for_a_world_tells_its_service_manager_and_leaves_whe
 
 def test_more_drones_than_processes_can_talk_are_refused_before_anything_starts() -> None:
     with pytest.raises(
-        MissionError,
+        TooManyError,
         match=r"agents: 251 drones are too many for a process each: fly at most 250, or use simulate",
     ):
         make_room(251)

@@ -53,7 +53,10 @@ def show(picture):
     print(picture.tick, flush=True)
 def fly():
     try:
-        outcome = launch(parse_mission(fields), run_dir=Path(here), on_snapshot=show).whole().outcome
+        launched = launch(parse_mission(fields), run_dir=Path(here), on_snapshot=show)
+        if launched.error:
+            raise launched.error
+        outcome = launched.flown.outcome
     except RunBroken as error:
         return 3, f"broken: {error}"
     except KeyboardInterrupt:
