@@ -12,6 +12,14 @@ from hypothesis import settings
 settings.register_profile("swarm", deadline=None)
 settings.load_profile("swarm")
 
+LONG = ("tests/scenarios/", "tests/test_examples.py", "tests/training/", "tests/rsc_swarm/")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that take long come first: of several that run side by side none is then left alone at the end."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
