@@ -256,7 +256,7 @@ def evaluate(
         WorkerError: a worker died. rsc_swarm.study.machines.MachinesError: nobody to fly on.
     """
     maps, starts, seed_base = whole("maps", maps), whole("starts", starts), whole("seed_base", seed_base)
-    who = Who(None if workers is None else whole("workers", workers), on)
+    who = Who(None if workers is None else whole("workers", workers), None if on is None else str(on))
     a_mission(mission)
     with crew_of(who) as crew:
         flights = study.evaluate(mission, study.seeds_of(seed_base, maps, starts), crew)

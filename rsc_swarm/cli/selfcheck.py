@@ -59,8 +59,10 @@ def insiders(
         parse_mission({"agents": agents, "map_seed": seed + number, "seed": 1000 * (seed + number)})
         for number in range(maps)
     ]
-    code = blake2b(f"{whole_fingerprint()} {agents} {seed}".encode(), digest_size=8).hexdigest()
-    book = FinishedTrials(journal_path(output.file, code)) if output.file else None
+    book = None
+    if output.file:
+        code = blake2b(f"{whole_fingerprint()} {agents} {seed}".encode(), digest_size=8).hexdigest()
+        book = FinishedTrials(journal_path(output.file, code))
     total, meter, out = maps * len(names), Meter(), console(output.beside)
     tried: list[Trial] = []
     try:

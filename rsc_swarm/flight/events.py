@@ -23,6 +23,9 @@ from world.outlets.trajectory import Trajectory
 
 _WORTH_TELLING_M = 0.05
 
+#: Kinds of events that befall single drones.
+BEFALLING = ("kill", "lost", "freeze", "thaw", "restart", "slow", "recover", "lie", "truth")
+
 #: What may happen (`Event.what`), and what that means. Of one tick they are told in this order.
 KINDS = {
     "start": "the drones take off",

@@ -95,8 +95,8 @@ def check_who(who: Who) -> None:
         return
     if who.workers is not None:
         raise MissionError("--workers: --on says who flies; leave one of them out")
-    local = _LOCAL.fullmatch(str(who.on))
-    if not (local and 0 < int(local[1]) <= _MOST_LOCAL) and not _SCHEDULER.fullmatch(str(who.on)):
+    local = _LOCAL.fullmatch(who.on)
+    if not (local and 0 < int(local[1]) <= _MOST_LOCAL) and not _SCHEDULER.fullmatch(who.on):
         raise MissionError(
             f"--on {who.on}: give local:4 for so many Dask workers on this machine, or tcp://host:8786 for those of a "
             "scheduler"

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rsc_swarm.flight.events import BEFALLING
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.show.page.scale import points, ticks
 from world.outlets.judged import findings_of
@@ -15,19 +16,7 @@ from world.outlets.judged import findings_of
 WIDTH, HEIGHT = 520.0, 190.0  # px
 LEFT, RIGHT, TOP, BOTTOM = 44.0, 12.0, 12.0, 24.0
 _MOST_POINTS = 500
-_MARKED = (
-    "kill",
-    "freeze",
-    "thaw",
-    "restart",
-    "slow",
-    "recover",
-    "lie",
-    "truth",
-    "lost",
-    "collision",
-    "success",
-)
+_MARKED = (*BEFALLING, "collision", "success")
 
 
 @dataclass(frozen=True)

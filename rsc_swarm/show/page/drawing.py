@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.mission.formation import NO_PARENT
+from rsc_swarm.flight.events import BEFALLING
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.show.page.scale import points, ticks
 from rsc_swarm.show.plots.flight import free_place
@@ -17,12 +18,7 @@ _LEFT, _TOP, _BOTTOM = 34.0, 26.0, 30.0
 _MOST_POINTS = 40_000  # of all paths together
 _MOMENTS = 4  # at which the formation is drawn
 _APART_M = 2.0
-_MARKED = (
-    "kill", "lost", "freeze", "thaw", "restart", "slow", "recover", "lie", "truth", "swap", "takeover", "move", "detour",
-    "closest", "collision",
-)  # fmt: skip
-
-_NUMBERED = ("kill", "lost", "freeze", "thaw", "restart", "slow", "recover", "lie", "truth")
+_MARKED = (*BEFALLING, "swap", "takeover", "move", "detour", "closest", "collision")
 
 
 @dataclass(frozen=True)
@@ -181,7 +177,7 @@ def _marks(recorded: Recorded, paper: _Paper) -> tuple[Mark, ...]:
     marks: list[Mark] = []
     for place, event in enumerate(recorded.events):
         if event.place_m is not None and event.what in _MARKED:
-            number = event.agents[0] if event.what in _NUMBERED else None
+            number = event.agents[0] if event.what in BEFALLING else None
             text = f"{event.time_s:.2f} s: {event.text}"
             places = [event.place_m]
             if event.slots:  # on the paths of both

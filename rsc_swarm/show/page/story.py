@@ -6,26 +6,12 @@ from dataclasses import dataclass
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from protocols.mission.formation import default_shape
-from rsc_swarm.flight.events import Event
+from rsc_swarm.flight.events import BEFALLING, Event
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import agents_text, numbers_text
 
 _TOGETHER_S = 2.0  # what is of one kind and no farther apart is one paragraph
-_GROUPED = (
-    "swap",
-    "takeover",
-    "move",
-    "detour",
-    "kill",
-    "freeze",
-    "thaw",
-    "restart",
-    "slow",
-    "recover",
-    "lie",
-    "truth",
-    "lost",
-)
+_GROUPED = ("swap", "takeover", "move", "detour", *BEFALLING)
 _MOST_NAMED = 6
 
 
