@@ -23,7 +23,7 @@ from agent.radio.hearing import Ears, entry_end, hear_entry
 from agent.tick import perceive_all, secure_all
 from agent.tick_arrays import TickArrays
 from protocols.kernels import inlined_kernel
-from protocols.wire.frames import RELAYED_BYTES, RELAYING, body_bytes
+from protocols.wire.frames import put_frame
 from protocols.wire.messages import MAX_HEARD, REPLY_AT, REPLY_HEAD, REPLY_MARK, TICK_AT, TICK_HEAD, TICK_MARK
 from protocols.wire.rows import get_number, put_bytes, put_number
 from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES
@@ -106,15 +106,7 @@ def end_tick(tick: int, quick: Quick) -> int:
     answer, arrays, own = quick.answer, quick.arrays, MAX_HEARD
     if secure_all(tick, own, arrays, quick.command) >= 0:
         return RARE
-    frames, at, frame_size = arrays.frames, _REPLY_HEAD, 0
-    if arrays.work.sent[0]:
-        known, fixed_size = int(np.int64(frames.known_count[own])), frames.fixed_bytes.shape[1]
-        put_bytes(answer, at, frames.fixed_bytes[own], 0, fixed_size)
-        put_bytes(answer, at + fixed_size, frames.known_bytes[own], 0, 2 * known)
-        put_bytes(answer, at + fixed_size + 2 * known, frames.displacement_bytes[own], 0, 8 * known)
-        if frames.version[own] == RELAYING:
-            put_bytes(answer, at + fixed_size + 10 * known, frames.relayed_bytes[own], 0, RELAYED_BYTES)
-        frame_size = body_bytes(frames, own)
+    frame_size = put_frame(arrays.frames, own, answer, _REPLY_HEAD) if arrays.work.sent[0] else 0
     put_number(answer, REPLY_AT.mark, REPLY_MARK, 1)
     put_number(answer, REPLY_AT.process, quick.process, 4)
     put_number(answer, REPLY_AT.tick, tick, 4)
@@ -128,4 +120,4 @@ def end_tick(tick: int, quick: Quick) -> int:
     for axis in range(2):
         quick.commands.command[place, axis] = quick.command[0, axis]
     quick.last[0] = tick
-    return at + frame_size
+    return _REPLY_HEAD + frame_size

@@ -8,6 +8,7 @@ import os
 import shlex
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,8 @@ from typing import Any, Literal, overload
 from agent.policy import Policy, PolicyError, Seen
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
-from protocols.mission.policy_name import from_folder
+from protocols.mission.findings import shown
+from protocols.mission.policy_name import from_folder, named_by, split
 from protocols.mission.reading import write_value
 from rsc_swarm.errors import NAMED, error_of
 from rsc_swarm.flight.events import Event, end_told, events_of
@@ -26,7 +28,7 @@ from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import FlightReport, report_of
 from rsc_swarm.flight.simulate import flights_at_once
-from rsc_swarm.given import a_mission, missions_of, one_or_several, plain, shown, whole
+from rsc_swarm.given import A_MISSION, a_mission, one_of, one_or_several, plain, whole
 from rsc_swarm.missions import mission_file
 from rsc_swarm.show.plots.flight import draw as draw_tracks
 from rsc_swarm.study import evaluate as study
@@ -57,6 +59,7 @@ __all__ = [
     "write_report",
 ]
 
+_A_FLIGHT = "a Flight, as simulate and launch return it"
 _FLOWN = (ExitCode.SUCCEEDED, ExitCode.FAILED)  # a launch that came to its end
 
 
@@ -131,7 +134,7 @@ def simulate(mission: Mission | Iterable[Mission]) -> Flight | list[Flight]:
     Raises:
         PolicyError, MissionError, FieldError: it cannot be flown.
     """
-    missions = missions_of(mission)
+    missions = one_or_several("mission", mission, Mission, A_MISSION)
     flights: dict[int, Flight] = {}
     for group in _together(missions):
         recorders = [Recorder(missions[place], world) for world, place in enumerate(group)]
@@ -214,8 +217,17 @@ def launch(
 
 def _again(verb: str, mission: Mission, *more: str) -> str:
     """The command that flies this mission again, in any folder."""
-    anywhere = mission.model_copy(update={"policy": from_folder(mission.policy, Path.cwd())})
+    anywhere = mission.model_copy(update={"policy": _anywhere(mission.policy)})
     return shlex.join(["rsc-swarm", verb, *_settings(anywhere), *more])
+
+
+def _anywhere(policy: str) -> str:
+    """The policy by a name that finds it in any folder: one in a module that is not installed by its file."""
+    place, name = split(policy)
+    file = getattr(sys.modules.get(place), "__file__", None) if name else None
+    if file and "." not in place and not Path(file).is_relative_to(sysconfig.get_path("purelib")):
+        return named_by(policy, file)
+    return from_folder(policy, Path.cwd())
 
 
 def _settings(mission: Mission) -> list[str]:
@@ -270,7 +282,9 @@ def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
         rsc_swarm.show.plots.style.PlotError: matplotlib is missing (``pip install matplotlib``), or cannot write this file.
         MissionError: these are no flights.
     """
-    several = one_or_several("flights", flights, Flight, "a Flight, as simulate and launch return it")
+    several = one_or_several("flights", flights, Flight, _A_FLIGHT)
+    if not several:
+        raise MissionError("flights: give at least one")
     draw_tracks([_track(flight) for flight in several], Path(out))
 
 
@@ -280,7 +294,7 @@ def write_report(flight: Flight, out: str | Path) -> None:
     Raises:
         protocols.whole_file.WriteError: it cannot be written. MissionError: this is no flight.
     """
-    (flight,) = one_or_several("flight", [flight], Flight, "a Flight, as simulate and launch return it")
+    one_of("flight", flight, Flight, _A_FLIGHT)
     from rsc_swarm.show.page.page import write_page  # what few need is loaded by those
 
     write_page(_track(flight), Path(out))

@@ -1,21 +1,39 @@
 """What callers of the public door hand over, checked: a wrong kind of thing is named, with what would be right."""
 
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, TypeVar
 
 import numpy as np
 
 from protocols.mission.document import Mission, MissionError
+from protocols.mission.findings import shown
 
 _T = TypeVar("_T")
-_MOST_CHARACTERS = 60
+A_MISSION = "a Mission, as rs.mission(...) makes it"
 
 
-def shown(value: object) -> str:
-    """The value on one line that is not too long."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
+def one_of(name: str, given: object, kind: type[_T], made_by: str) -> _T:
+    """One of a kind it must be.
+
+    Raises:
+        MissionError: it is something else; ``made_by`` says what would be right.
+    """
+    if not isinstance(given, kind):
+        raise MissionError(f"{name}: give {made_by}, not {shown(given)}")
+    return given
+
+
+def one_or_several(name: str, given: object, kind: type[_T], made_by: str) -> list[_T]:
+    """One of a kind, or all that something yields.
+
+    Raises:
+        MissionError: as `one_of`.
+    """
+    several = (
+        given if isinstance(given, Iterable) and not isinstance(given, kind | str | bytes | dict) else [given]
+    )
+    return [one_of(name, one, kind, made_by) for one in several]
 
 
 def a_mission(given: object) -> Mission:
@@ -24,35 +42,7 @@ def a_mission(given: object) -> Mission:
     Raises:
         MissionError: it is something else.
     """
-    if isinstance(given, Mission):
-        return given
-    hint = f"rs.mission({shown(given)}) makes one" if isinstance(given, str) else "rs.mission(...) makes one"
-    raise MissionError(f"mission: give a Mission, not {shown(given)}; {hint}")
-
-
-def missions_of(given: object) -> list[Mission]:
-    """One mission, or all that something yields.
-
-    Raises:
-        MissionError: it is something else.
-    """
-    if isinstance(given, Mission | str | bytes | dict) or not isinstance(given, Iterable):
-        return [a_mission(given)]
-    return [a_mission(one) for one in given]
-
-
-def one_or_several(name: str, given: object, kind: type[_T], made_by: str) -> list[_T]:
-    """One of a kind, or several, as a list of at least one.
-
-    Raises:
-        MissionError: it is something else.
-    """
-    several: Sequence[Any] = (
-        [given] if isinstance(given, kind) else given if isinstance(given, Sequence) else ()
-    )
-    if not several or not all(isinstance(one, kind) for one in several):
-        raise MissionError(f"{name}: give {made_by}, or a list of them, not {shown(given)}")
-    return list(several)
+    return one_of("mission", given, Mission, A_MISSION)
 
 
 def whole(name: str, given: object) -> int:

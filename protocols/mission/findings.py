@@ -26,9 +26,9 @@ def explain_as(document: type[BaseModel], error: ValidationError) -> str:
         elif kind == "missing":
             text = "is missing"
         elif wanted := _wanted(document, place, kind, item.get("ctx", {})):
-            text = f"write {wanted}, not {_short(item['input'])}"
+            text = f"write {wanted}, not {shown(item['input'])}"
         elif not kind.startswith("value_error"):
-            text = f"{text[0].lower()}{text[1:]}, not {_short(item['input'])}"
+            text = f"{text[0].lower()}{text[1:]}, not {shown(item['input'])}"
         field = ".".join(_name(part) for part in place)
         findings.append(f"{field}: {text}" if field else text)
     more = len(findings) - _MOST_FINDINGS
@@ -51,14 +51,15 @@ def _wanted(
 
 def _name(part: int | str) -> str:
     text = str(part)
-    return text if text.isprintable() and len(text) <= _MOST_CHARACTERS else _short(part)
+    return text if text.isprintable() and len(text) <= _MOST_CHARACTERS else shown(part)
 
 
-def _short(value: object) -> str:
+def shown(value: object) -> str:
+    """The value on one line that is not too long."""
     if value is None:
         return "nothing"
     try:
-        text = repr(list(value) if isinstance(value, tuple) else value)
+        text = " ".join(repr(list(value) if isinstance(value, tuple) else value).split())
     except (ValueError, RecursionError):  # a number of thousands of digits; a list in a list in a list
         text = type(value).__name__
     return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."

@@ -174,6 +174,23 @@ def body_bytes(frames: Frames, row: int) -> int:
 
 
 @inlined_kernel
+def put_frame(frames: Frames, row: int, data: NDArray[np.uint8], at: int) -> int:
+    """Write the frame in ``row``, but for its slot note, into ``data`` from ``at`` on.
+
+    Returns:
+        Its size.
+    """
+    count = int(np.int64(frames.known_count[row]))
+    displacement = at + _SIZE + 2 * count
+    put_bytes(data, at, frames.fixed_bytes[row], 0, _SIZE)
+    put_bytes(data, at + _SIZE, frames.known_bytes[row], 0, 2 * count)
+    put_bytes(data, displacement, frames.displacement_bytes[row], 0, 8 * count)
+    if frames.version[row] == RELAYING:
+        put_bytes(data, displacement + 8 * count, frames.relayed_bytes[row], 0, RELAYED_BYTES)
+    return body_bytes(frames, row)
+
+
+@inlined_kernel
 def read_frame(data: NDArray[np.uint8], at: int, size: int, tag: int, frames: Frames, row: int) -> int:
     """Write the frame in ``size`` bytes of ``data`` from ``at`` on into ``row``; what it says is still to be checked (`fault`),
     and so is the note behind it, if it is loud.

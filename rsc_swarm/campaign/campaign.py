@@ -4,7 +4,6 @@ What was flown stays in the folder, a line per task, so that the same command go
 only what is missing.
 """
 
-import hashlib
 import json
 from collections.abc import Iterator
 from concurrent.futures import Future, as_completed
@@ -19,7 +18,7 @@ from protocols.errors import SwarmError
 from rsc_swarm.campaign.flying import Failure, Plan, Tally, fly_task
 from rsc_swarm.campaign.kept import KeptError
 from rsc_swarm.campaign.shrinking import shrink
-from rsc_swarm.study.fingerprint import fingerprint, whole_fingerprint
+from rsc_swarm.study.fingerprint import fingerprint, name_of
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import WorkerError, executor_of
 
@@ -66,8 +65,7 @@ class Journal:
         Raises:
             KeptError: the folder cannot be written.
         """
-        said = f"{whole_fingerprint()} {fingerprint(plan.mission)} {plan.budget} {plan.seed}"
-        code = hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
+        code = name_of(fingerprint(plan.mission), plan.budget, plan.seed)
         self.path = folder / f"{code}.journal.jsonl"
         self.tasks: dict[int, Tally] = {}
         self.shrunk: dict[str, Failure] = {}

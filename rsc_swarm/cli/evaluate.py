@@ -145,4 +145,6 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
         time.monotonic() - begin,
         lambda failed: command_line("simulate", options, map=failed.map, seed=failed.seed),
     )
+    flown = {"maps": amount.maps, "starts": amount.starts, "seed_base": amount.seed_base}
+    out.print(f"\nThe row again:  {command_line('evaluate', options, **flown)}", soft_wrap=True)
     return ExitCode.SUCCEEDED

@@ -1,5 +1,6 @@
-"""``rsc-swarm schema``: what the fields of a report mean."""
+"""``rsc-swarm schema``: what the fields of reports mean."""
 
+from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -7,11 +8,22 @@ import typer
 from rsc_swarm.cli.app import app
 
 
+class Report(StrEnum):
+    """What is reported on."""
+
+    flight = "flight"
+    evaluation = "evaluation"
+
+
 @app.command()
 def schema(
-    markdown: Annotated[bool, typer.Option("--markdown", help="As a table of fields, for people.")] = False,
+    report: Annotated[Report, typer.Argument(help="Of which report.")] = Report.flight,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="As tables of fields, for people; all reports.")
+    ] = False,
 ) -> None:
-    """Print what the fields of a report mean, as JSON Schema."""
+    """Print what the fields of the report of a flight, or of many, mean, as JSON Schema."""
     from rsc_swarm.show import report_schema
 
-    typer.echo(report_schema.markdown() if markdown else report_schema.json_schema(), nl=False)
+    text = report_schema.markdown() if markdown else report_schema.json_schema(report_schema.REPORTS[report])
+    typer.echo(text, nl=False)

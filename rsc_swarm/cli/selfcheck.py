@@ -38,7 +38,6 @@ def insiders(
         return
     announce_compiling()
     from contextlib import nullcontext
-    from hashlib import blake2b
     from json import dumps
 
     from protocols.mission.document import MissionError, parse_mission
@@ -48,7 +47,7 @@ def insiders(
     from rsc_swarm.selfcheck.trials import FinishedTrials, Trial, passes, rows, trials
     from rsc_swarm.show.progress import Meter
     from rsc_swarm.show.render import console
-    from rsc_swarm.study.fingerprint import whole_fingerprint
+    from rsc_swarm.study.fingerprint import name_of
     from rsc_swarm.study.finished import journal_path
 
     names = attacks.split(",") if attacks else list(ATTACKS)
@@ -61,8 +60,7 @@ def insiders(
     ]
     book = None
     if output.file:
-        code = blake2b(f"{whole_fingerprint()} {agents} {seed}".encode(), digest_size=8).hexdigest()
-        book = FinishedTrials(journal_path(output.file, code))
+        book = FinishedTrials(journal_path(output.file, name_of(agents, seed)))
     total, meter, out = maps * len(names), Meter(), console(output.beside)
     tried: list[Trial] = []
     try:

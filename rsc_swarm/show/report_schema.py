@@ -1,4 +1,4 @@
-"""The report's schema: JSON Schema for programs, a Markdown table for people (docs/report.md)."""
+"""What the fields of reports mean: JSON Schema for programs, Markdown tables for people (docs/report.md)."""
 
 import json
 import types
@@ -7,6 +7,7 @@ import typing
 from pydantic import BaseModel
 
 from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.study.evaluate import Evaluation
 
 _HEAD = """# The report of a flight
 
@@ -14,19 +15,29 @@ _HEAD = """# The report of a flight
 in a run directory it is `report.json`. This page is made by `rsc-swarm schema --markdown`; `rsc-swarm schema`
 prints the same as JSON Schema.
 
-| field | type | meaning |
-| --- | --- | --- |
 """
+_MANY = """
+## Many flights
+
+`rsc-swarm evaluate --json FILE` writes these, and `rs.evaluate` returns them ([api.md](api.md)); `rsc-swarm schema evaluation`
+prints the same as JSON Schema.
+
+"""
+REPORTS: dict[str, type[BaseModel]] = {"flight": FlightReport, "evaluation": Evaluation}
 
 
-def json_schema() -> str:
-    """JSON Schema of the report."""
-    return json.dumps(FlightReport.model_json_schema(), indent=2) + "\n"
+def json_schema(of: type[BaseModel]) -> str:
+    """JSON Schema of a report."""
+    return json.dumps(of.model_json_schema(), indent=2) + "\n"
 
 
 def markdown() -> str:
-    """The report's fields as a Markdown document."""
-    return _HEAD + "".join(f"{row}\n" for row in _rows(FlightReport, ""))
+    """The fields of all reports as a Markdown document."""
+    return _HEAD + _table(FlightReport) + _MANY + _table(Evaluation)
+
+
+def _table(model: type[BaseModel]) -> str:
+    return "\n".join(["| field | type | meaning |", "| --- | --- | --- |", *_rows(model, "")]) + "\n"
 
 
 def _rows(model: type[BaseModel], prefix: str) -> list[str]:
@@ -54,6 +65,6 @@ def _type(kind: object) -> str:
         return ", ".join(f"`{value}`" for value in inner)
     if origin in (typing.Union, types.UnionType):
         return " or ".join(_type(part) for part in inner)
-    if origin is tuple:
+    if origin in (tuple, list):
         return f"list of {_type(inner[0])}s"
     return "object"

@@ -40,8 +40,8 @@ class Evaluation(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    runs: int
-    success_rate: float
+    runs: int = Field(description="flights")
+    success_rate: float = Field(description="S: share with the success that decides (mission field success)")
     success_interval: tuple[float, float] = Field(
         description="95 % interval of the success rate, by maps (rsc_swarm.study.intervals)"
     )
@@ -57,14 +57,14 @@ class Evaluation(BaseModel):
     collision_rate: float = Field(description="C: two drones, or a drone and an obstacle, came too close")
     noncollision_rate: float = Field(description="D: every other failure, mostly no success in time")
     tau_mean_s: float | None = Field(description="mean time to success; null without a success")
-    tau_max_s: float | None
+    tau_max_s: float | None = Field(description="longest time to success")
     edge_error_mean: float | None = Field(
         description="mean over flights of the worst tree edge error at success, relative"
     )
     slot_error_mean_m: float | None = Field(
         description="mean over flights of the worst slot error at success"
     )
-    slot_error_max_m: float | None
+    slot_error_max_m: float | None = Field(description="the largest of them")
     min_distance_m: float | None = Field(description="smallest distance to anything in any run")
     min_distance_mean_m: float | None = Field(description="mean over all runs of the smallest distance")
     held_rate: float | None = Field(
@@ -92,13 +92,13 @@ class Evaluation(BaseModel):
         description="flights that were over before all faults of the mission had happened"
     )
     swaps_per_flight: dict[str, float] = Field(description="mean over runs of the swarm's swap counts")
-    failures: list[Failed]
+    failures: list[Failed] = Field(description="flights that failed: map, seed, failure, detail")
     maps: tuple[int, int] = Field(description="first and last map seed")
-    starts: int
+    starts: int = Field(description="flights on each map")
     code: str = Field(
         description="fingerprint of mission (without seeds) and code; equal ones are comparable"
     )
-    mission: dict[str, Any]
+    mission: dict[str, Any] = Field(description="the mission, every field; its seeds are those of no flight")
 
 
 class Watcher:

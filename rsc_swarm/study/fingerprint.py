@@ -48,6 +48,12 @@ def whole_fingerprint() -> str:
     return _digest([file for place in _WHOLE for file in _files(_ROOT / place)])
 
 
+def name_of(*parts: object) -> str:
+    """16 hexadecimal digits: equal only for the same whole project and the same parts, as they are written."""
+    said = " ".join(map(str, (whole_fingerprint(), *parts)))
+    return hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
+
+
 def _files(path: Path) -> list[Path]:
     found = sorted(path.rglob("*")) if path.is_dir() else [path]
     return [

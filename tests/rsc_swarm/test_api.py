@@ -1,5 +1,7 @@
 """The public door: what a program gets from ``import rsc_swarm as rs``."""
 
+import json
+import os
 import shlex
 import signal
 import subprocess
@@ -117,19 +119,22 @@ def test_a_policy_is_a_class_if_it_can_be_found_again():
         ),
         (lambda: rs.mission(obstacles={"discs": [[20, 0]]}), "obstacles.discs.0.2: is missing"),
         (lambda: rs.mission(obstacles={"discs": 3}), "obstacles.discs: write a list, not 3"),
-        (lambda: rs.simulate("plain"), "mission: give a Mission, not 'plain'; rs.mission('plain') makes one"),
-        (lambda: rs.simulate([rs.mission(), 3]), "mission: give a Mission, not 3"),
-        (lambda: rs.launch("plain"), "mission: give a Mission, not 'plain'"),
+        (lambda: rs.simulate("plain"), "mission: give a Mission, as rs.mission(...) makes it, not 'plain'"),
+        (
+            lambda: rs.simulate([rs.mission(), 3]),
+            "mission: give a Mission, as rs.mission(...) makes it, not 3",
+        ),
+        (lambda: rs.launch("plain"), "mission: give a Mission, as rs.mission(...) makes it, not 'plain'"),
         (lambda: rs.launch(rs.mission(), "runs/1"), "clock: give 'lockstep' or 'realtime', not 'runs/1'"),
-        (lambda: rs.evaluate("plain"), "mission: give a Mission, not 'plain'"),
+        (lambda: rs.evaluate("plain"), "mission: give a Mission, as rs.mission(...) makes it, not 'plain'"),
         (lambda: rs.evaluate(rs.mission(), maps="3"), "maps: give a whole number, not '3'"),
         (lambda: rs.evaluate(rs.mission(), seed_base=1e6), "seed_base: give a whole number, not 1000000.0"),
         (lambda: rs.evaluate(rs.mission(), on=3), "--on"),
         (
             lambda: rs.draw("x.png", []),
-            "flights: give a Flight, as simulate and launch return it, or a list",
+            "flights: give a Flight, as simulate and launch return it, not ",
         ),
-        (lambda: rs.draw([], "x.png"), "flights: give a Flight"),
+        (lambda: rs.draw([], "x.png"), "flights: give at least one"),
         (lambda: rs.write_report("x.html", 3), "flight: give a Flight"),
         (lambda: rs.evaluate(rs.mission(), maps=0), "maps: give at least 1"),
         (lambda: rs.launch(rs.mission(policy="__main__:Mine")), "put the class into a module of its own"),
@@ -195,6 +200,16 @@ def test_the_command_that_flies_it_again_makes_the_same_mission():
     assert resolve(MissionOptions(set=words[1::2])) == mission
     again = shlex.split(rs.simulate(mission).report.again)
     assert again == ["rsc-swarm", "simulate", *words]
+
+
+def test_the_command_finds_a_class_of_ones_own_module_in_any_folder(tmp_path):
+    flight = rs.simulate(rs.mission(policy=Still, **SHORT))
+    words = shlex.split(flight.report.again)[1:]
+    again = [sys.executable, "-m", "rsc_swarm", *words, "--json", "-"]
+    run = subprocess.run(
+        again, cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    assert json.loads(run.stdout)["digest"] == flight.report.digest, run.stderr
 
 
 def test_an_evaluation_has_its_interval():
