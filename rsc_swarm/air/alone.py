@@ -91,4 +91,5 @@ def load(plan: Plan) -> None:
 
 
 def _say(me: int, text: str) -> None:
-    print(f"drone {me}: {text}", file=sys.stderr, flush=True)
+    # In one piece: many drones write to one terminal.
+    print(f"drone {me}: {text}\n", end="", file=sys.stderr, flush=True)
