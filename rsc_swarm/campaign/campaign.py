@@ -4,13 +4,12 @@ What was flown stays in the folder, a line per task, so that the same command go
 only what is missing.
 """
 
-import json
 from collections.abc import Iterator
 from concurrent.futures import Future, as_completed
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -19,6 +18,7 @@ from rsc_swarm.campaign.flying import Failure, Plan, Tally, fly_task
 from rsc_swarm.campaign.kept import KeptError
 from rsc_swarm.campaign.shrinking import shrink
 from rsc_swarm.study.fingerprint import fingerprint, name_of
+from rsc_swarm.study.finished import Journal
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import WorkerError, executor_of
 
@@ -56,69 +56,88 @@ class Told(Protocol):
         """So far; and how many failures are being shrunk."""
 
 
-class Journal:
-    """The finished tasks of one plan, flown by one code."""
+class FlownTasks(Journal[tuple[int, int, str], _Line]):
+    """The finished tasks of one plan, flown by one code, and what was shrunk: ``tasks`` by number, ``shrunk`` by digest."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
         """Open or make it.
 
         Raises:
-            KeptError: the folder cannot be written.
+            KeptError: the folder cannot be used. FinishedFlightsError: as `Journal`.
         """
-        code = name_of(fingerprint(plan.mission), plan.budget, plan.seed)
-        self.path = folder / f"{code}.journal.jsonl"
-        self.tasks: dict[int, Tally] = {}
-        self.shrunk: dict[str, Failure] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            for line in self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else []:
-                self._take(line, plan)
         except OSError as error:
             raise KeptError(f"--out {folder}: cannot be used ({error.strerror})") from None
+        code = name_of(fingerprint(plan.mission), plan.budget, plan.seed)
+        super().__init__(folder / f"{code}.journal.jsonl")
+        lines = self.finished.values()
+        self.tasks = {
+            line.task: line.tally
+            for line in lines
+            if line.tally and line.task < plan.tasks and line.size == plan.size(line.task)
+        }
+        self.shrunk = {line.digest: line.shrunk for line in lines if line.shrunk}
 
-    def _take(self, text: str, plan: Plan) -> None:
+    @staticmethod
+    def _key(record: _Line) -> tuple[int, int, str]:
+        return record.task, record.size, record.digest
+
+    @staticmethod
+    def _parse(line: str) -> _Line | None:
         try:
-            line = _LINE.validate_json(text)
-        except ValidationError:  # cut off in mid-line
-            return
-        if line.shrunk:
-            self.shrunk[line.digest] = line.shrunk
-        elif line.tally and line.task < plan.tasks and line.size == plan.size(line.task):
-            self.tasks[line.task] = line.tally
+            return _LINE.validate_json(line)
+        except ValidationError:
+            return None
 
-    def write(self, line: _Line) -> None:
-        """Keep one more line.
+    @staticmethod
+    def _fields(record: _Line) -> dict[str, Any]:
+        fields: dict[str, Any] = _LINE.dump_python(record, mode="json")
+        return fields
+
+    def flown(self, task: int, size: int, tally: Tally) -> None:
+        """Keep a task that has been flown.
 
         Raises:
-            KeptError: the disk is full, say.
+            FinishedFlightsError: the disk is full, say.
         """
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write("\n" + json.dumps(_LINE.dump_python(line, mode="json")))
-        except OSError as error:
-            raise KeptError(f"{self.path}: cannot be written ({error.strerror})") from None
+        self.tasks[task] = tally
+        self.add(_Line(task, size, tally))
+
+    def shortened(self, failure: Failure, shrunk: Failure) -> None:
+        """Keep what a failure was shrunk to.
+
+        Raises:
+            FinishedFlightsError: as `flown`.
+        """
+        self.shrunk[failure.digest] = shrunk
+        self.add(_Line(failure.task, 0, shrunk=shrunk, digest=failure.digest))
 
 
 def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
     """Fly what is missing, then shrink what broke: `SHRUNK` failures of each name.
 
     Raises:
-        WorkerError: a worker died or could not fly. KeptError: the folder cannot be used.
+        WorkerError: a worker died or could not fly. KeptError, FinishedFlightsError: the folder cannot be used.
         agent.policy.PolicyError: the policy raised.
     """
-    journal = Journal(folder, plan)
-    missing = [task for task in range(plan.tasks) if task not in journal.tasks]
-    tally = _sum(journal)
-    told(tally, 0)
-    if not missing and all(failure.digest in journal.shrunk for failure in _first_of_each(tally)):
+    with FlownTasks(folder, plan) as journal:
+        missing = [task for task in range(plan.tasks) if task not in journal.tasks]
+        tally = _sum(journal)
+        told(tally, 0)
+        if missing or any(failure.digest not in journal.shrunk for failure in _first_of_each(tally)):
+            tally = _fly_missing(plan, missing, journal, crew, told)
         return _with_shrunk(tally, journal)
+
+
+def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, crew: Crew, told: Told) -> Tally:
     try:
         with executor_of(crew, plan.mission) as executor:
+            tally = _sum(journal)
             flying = {executor.submit(fly_task, plan, task): task for task in missing}
             for future in _ended(flying):
                 task, flown = flying[future], future.result()
-                journal.tasks[task] = flown
-                journal.write(_Line(task, plan.size(task), flown))
+                journal.flown(task, plan.size(task), flown)
                 tally.add(flown)
                 told(tally, 0)
             tally = _sum(journal)  # in the order of tasks, whichever ended first
@@ -126,16 +145,14 @@ def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
             told(tally, len(todo))
             shrinking = {executor.submit(shrink, plan, failure): failure for failure in todo}
             for left, shrunk in enumerate(_ended(shrinking), 1):
-                found = shrinking[shrunk]
-                journal.shrunk[found.digest] = shrunk.result()
-                journal.write(_Line(found.task, 0, shrunk=shrunk.result(), digest=found.digest))
+                journal.shortened(shrinking[shrunk], shrunk.result())
                 told(tally, len(todo) - left)
+            return tally
     except (SwarmError, KeyboardInterrupt):
         raise
     except Exception as error:
         said = " ".join(str(error).split())
         raise WorkerError(f"a worker broke: {type(error).__name__}: {said}; run it again to go on") from error
-    return _with_shrunk(tally, journal)
 
 
 def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:
@@ -146,7 +163,7 @@ def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:
             future.cancel()
 
 
-def _sum(journal: Journal) -> Tally:
+def _sum(journal: FlownTasks) -> Tally:
     tally = Tally()
     for _, flown in sorted(journal.tasks.items()):
         tally.add(flown)
@@ -158,7 +175,7 @@ def _first_of_each(tally: Tally) -> list[Failure]:
     return list(chain.from_iterable(group.failures[:SHRUNK] for group in groups(tally)))
 
 
-def _with_shrunk(tally: Tally, journal: Journal) -> Tally:
+def _with_shrunk(tally: Tally, journal: FlownTasks) -> Tally:
     failures = [journal.shrunk.get(failure.digest, failure) for failure in tally.failures]
     return Tally(tally.flights, tally.ticks, tally.excused, failures)
 

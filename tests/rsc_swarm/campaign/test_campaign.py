@@ -12,12 +12,13 @@ from protocols.mission.reading import write_yaml
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.campaign import flying
 from rsc_swarm.campaign.budget import parse_budget
-from rsc_swarm.campaign.campaign import fly, groups
+from rsc_swarm.campaign.campaign import FlownTasks, fly, groups
 from rsc_swarm.campaign.flying import Plan, Tally
 from rsc_swarm.campaign.judging import Broken, Excused, judge
 from rsc_swarm.campaign.kept import Kept, KeptError, all_kept, fly_kept, keep
 from rsc_swarm.campaign.page import write_index
 from rsc_swarm.cli import main as cli
+from rsc_swarm.study.finished import FinishedFlightsError
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import Flight
 from world.invariants import Watched
@@ -208,6 +209,14 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(KeptError, match="cannot be used"):
         fly(PLAN, Crew(1), tmp_path / "file" / "folder", unheard)
+
+
+def test_two_campaigns_do_not_write_one_journal(tmp_path: Path) -> None:
+    with (
+        FlownTasks(tmp_path, PLAN),
+        pytest.raises(FinishedFlightsError, match="another command is writing here"),
+    ):
+        fly(PLAN, Crew(1), tmp_path, unheard)
 
 
 @pytest.mark.parametrize("kept", all_kept(Path(__file__).parent / "kept"), ids=lambda kept: kept.path.stem)
