@@ -17,7 +17,7 @@ from agent.policy.base import Policy, PolicyError
 from agent.policy.model_file import SHIPPED, shipped_models
 from agent.policy.policy_file import classes_in, files_with, load_file
 from protocols.mission.document import Mission
-from protocols.mission.policy_name import MODEL_ENDING, file_of, split
+from protocols.mission.policy_name import EXPERTS, MODEL_ENDING, file_of, split
 
 ENTRY_POINTS = "rsc_swarm.policies"
 _OURS = Path(__file__).parents[1]
@@ -72,6 +72,10 @@ def _class_called(name: str) -> Any:
     address = _elsewhere().get(name, address)
     place, class_name = split(address)
     file = file_of(address)
+    if name in EXPERTS:
+        raise PolicyError(
+            f"policy {name}: sees the whole field and all drones, so no drone can fly it; rsc-swarm evaluate --policy {name} does"
+        )
     if not (place and class_name) and file is None:
         known = ", ".join(policy_names())
         raise PolicyError(

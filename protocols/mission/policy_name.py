@@ -8,6 +8,8 @@ from pathlib import Path
 
 MODEL_ENDING = ".onnx"
 _CODE_ENDING = ".py"
+PAPERS_EXPERT = "paper-expert"
+EXPERTS = ("expert", PAPERS_EXPERT)  # one mind that sees all drones: none of them can fly it
 
 
 def split(policy: str) -> tuple[str, str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from protocols.mission.document import Mission
+from protocols.mission.policy_name import PAPERS_EXPERT
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch import batch, kernel, looking, stage
 from rsc_swarm.batch.batch import Batch
@@ -18,8 +19,6 @@ from world.invariants import Watched
 from world.outcome import Judgement, Outcome
 from world.referee import Verdict
 
-PAPERS = "paper-expert"
-EXPERTS = ("expert", PAPERS)
 _CODE = (*(str(part.__file__) for part in (batch, kernel, looking, stage)), __file__)
 FILES = tuple(map(Path, _CODE))  # what besides the rules decides their flights
 _ONE_VIEW = Watched(
@@ -34,7 +33,7 @@ def fly_expert(missions: Sequence[Mission], every: int) -> Iterator[_Ended | int
     Raises:
         protocols.mission.document.MissionError: the batch simulation cannot fly this. world.field.FieldError: no room to start.
     """
-    flight = Batch(missions, ends=False, papers=missions[0].policy == PAPERS)
+    flight = Batch(missions, ends=False, papers=missions[0].policy == PAPERS_EXPERT)
     worlds = flight.stage
     judgements = [Judgement(mission) for mission in missions]
     made = np.zeros(len(missions), np.int64)

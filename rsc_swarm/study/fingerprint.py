@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from protocols.mission.document import Mission
-from rsc_swarm.batch.expert import EXPERTS
+from protocols.mission.policy_name import EXPERTS
 from rsc_swarm.batch.expert import FILES as EXPERT_FILES
 from rsc_swarm.flight.policy_facts import policy_facts
 

@@ -18,9 +18,10 @@ from typing import Any
 
 from protocols.errors import BrokenError, SwarmError
 from protocols.mission.document import Mission
+from protocols.mission.policy_name import EXPERTS
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.batch.batch import Batch
-from rsc_swarm.batch.expert import EXPERTS, fly_expert
+from rsc_swarm.batch.expert import fly_expert
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.flight.warm_up import try_policy
 from rsc_swarm.machine.leaving import be_worker, nobody_asks

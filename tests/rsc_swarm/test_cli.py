@@ -109,6 +109,10 @@ def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
         ("simulate --bogus", "no such option: --bogus"),
         ("simulate --swap foo", "invalid value for '--swap'"),
         ("simulate --policy none", "policy: unknown policy 'none'; known: "),
+        (
+            "simulate --policy expert",
+            "policy expert: sees the whole field and all drones, so no drone can fly it",
+        ),
         ("simulate --mission nowhere", "--mission nowhere: no such file; shipped missions are"),
         ("simulate --json /nowhere/x.json", "--json /nowhere/x.json: give a file in a directory that exists"),
         ("simulate --run-dir /proc/flight", "--run-dir /proc/flight: cannot be written"),
