@@ -58,19 +58,22 @@ def end_of(fleet: Fleet, who: str) -> End:
     """The end of a drone, of the operator, or of the world of a fleet.
 
     All are linked to the operator. Drones are linked to each other, or, in mixed reality, to the world alone, which hears them
-    and says to each what reaches it.
+    and says to each what reaches it. Of two who are to be linked each looks for the other: Zenoh's listeners take one at a time,
+    and whose farewell is lost amid a handshake holds up all others for half a minute (eclipse-zenoh/zenoh, issue 2719).
     """
     ground, world = fleet.ground_address, fleet.world_address
+    drones = {me: fleet.address(me) for me in range(len(fleet.drones))}
     if who == OPERATOR:
-        return End(who, ground)
+        return End(who, ground, [*drones.values(), *([world] if world else [])])
     if who == WORLD:
         assert world
-        return End(who, world, [ground], _TO_WORLD)
+        return End(who, world, [ground, *drones.values()], _TO_WORLD)
     me = int(who)
+    mine = drones.pop(me)
     if world:
         to_me = [to_drone(what, me) for what in ("carried", "nature")]
-        return End(who, fleet.address(me), [ground, world], ["word", *to_me])
-    return End(who, fleet.address(me), [ground, *(fleet.address(other) for other in range(me))])
+        return End(who, mine, [ground, world], ["word", *to_me])
+    return End(who, mine, [ground, *drones.values()])
 
 
 class AirLink(Closing):

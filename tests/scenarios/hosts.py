@@ -84,6 +84,8 @@ def _operator(plan: Plan, keys: Path | None, folder: Path) -> Callable[[], int]:
     def run() -> int:
         script = Script(read_script("preflight,arm,takeoff,go", plan), lambda _: None)
         _, judged, _ = watch(plan, keys, attend, script, folder / "ground")
+        if script.failed:
+            print(f"operator: {script.failed}")
         return int(judged is None or judged.failure is not None or script.failed is not None)
 
     return run

@@ -46,8 +46,9 @@ def measure(protocol: str, loss: float, parted_s: float = 0.0) -> Measured:
         def peer(me: int) -> Callable[[], int]:
             def run() -> int:
                 go_first()
-                at = [f"{protocol}/{address(other)}:7450" for other in range(me + 1)]
-                link = AirLink("rsc", End(name_of(me), at.pop(), at), keys.get(user(me)), _PEERS)
+                at = [f"{protocol}/{address(other)}:7450" for other in range(_PEERS)]
+                end = End(name_of(me), at.pop(me), at)
+                link = AirLink("rsc", end, keys.get(user(me)), _PEERS)
                 (Path(folder) / f"{me}.up").touch()
                 time.sleep(4.0)  # until all are linked
                 said_us = []

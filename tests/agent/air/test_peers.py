@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -9,10 +10,12 @@ from datetime import UTC, datetime
 
 import pytest
 
-from agent.air.peers import OPERATOR, AirLink, End, Said, name_of
+from agent.air.peers import OPERATOR, AirLink, End, Said, end_of, name_of
+from protocols.fleet.document import parse_fleet
 from protocols.wire.certificates import make_peer_certificates
 from protocols.wire.keys import LinkError, user
 from protocols.wire.login import Certificates
+from protocols.wire.nature import WORLD
 
 _ports = itertools.count(15000 + os.getpid() % 1000 * 5)
 HERE, NOW = "127.0.0.1", datetime.now(UTC)
@@ -91,6 +94,43 @@ def test_who_has_keys_of_another_authority_is_not_linked(band: Band) -> None:
     heard = heard_by(zero, [(stranger, b"stranger"), (one, b"1")], 1, 20.0)
     heard += heard_by(zero, [(stranger, b"stranger")], 9, 1.0)
     assert {said.data for said in heard} == {b"1"}
+
+
+def test_who_falls_silent_amid_a_handshake_keeps_nobody_apart() -> None:
+    """A listener takes one at a time, and waits for half a minute: for a drone that was cut off just then, or a stranger."""
+    at = [f"quic/{HERE}:{next(_ports)}" for _ in range(3)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind((HERE, 0))
+        silent.settimeout(10.0)
+        whom = f"quic/{HERE}:{silent.getsockname()[1]}"
+        with AirLink("rsc", End(name_of(1), at[2], [whom]), keys()[user(1)], 2):
+            begins = silent.recv(2048)
+        own = keys()
+        with AirLink("rsc", End(name_of(0), at[0], [at[1]]), own[user(0)], 2) as zero:
+            silent.sendto(begins, (HERE, int(at[0].rpartition(":")[2])))
+            time.sleep(0.2)
+            with AirLink("rsc", End(name_of(1), at[1], [at[0]]), own[user(1)], 2) as one:
+                assert heard_by(zero, [(one, b"1")], 1, 10.0)
+                assert b"0" in {said.data for said in heard_by(one, [(zero, b"0")], 2, 10.0)}
+
+
+@pytest.mark.parametrize("mixed", [False, True], ids=["drones", "mixed reality"])
+def test_of_two_who_are_to_be_linked_each_looks_for_the_other(mixed: bool) -> None:
+    fleet = parse_fleet(
+        {
+            "mission": "lab.yaml",
+            "origin_m": [0, 0],
+            "fence": {"x_m": [-1, 9], "y_m": [-1, 1]},
+            "drones": [{"number": number, "start_m": [number, 0]} for number in range(3)],
+            **({"world": {}} if mixed else {}),
+        }
+    )
+    names = [OPERATOR, *([WORLD] if mixed else []), *map(name_of, range(3))]
+    ends = {who: end_of(fleet, who) for who in names}
+    for one, other in itertools.combinations(names, 2):
+        looks = ends[other].listen in ends[one].connect
+        assert looks == (ends[one].listen in ends[other].connect)
+        assert looks == (not mixed or bool({one, other} & {OPERATOR, WORLD}))
 
 
 def test_an_address_that_is_taken_is_told(band: Band) -> None:
