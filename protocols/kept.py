@@ -78,16 +78,25 @@ def _fingerprint_of_text(file: Path) -> str:
     """16 hexadecimal digits that change with the text of all sources of a kernel in ``file``, wherever they lie."""
     digest = hashlib.blake2b(digest_size=_DIGEST_BYTES)
     for path in sources_of(file):
-        text = path.read_bytes()
-        digest.update(f"{path.relative_to(_ROOT)} {len(text)}\n".encode() + text)
+        digest.update(_text(path))
     return digest.hexdigest()
+
+
+@cache
+def _text(file: Path) -> bytes:
+    text = file.read_bytes()
+    return f"{file.relative_to(_ROOT)} {len(text)}\n".encode() + text
+
+
+@cache
+def _versions() -> tuple[str, ...]:
+    return (sys.version, *map(version, ("numba", "llvmlite", "numpy")))
 
 
 @cache
 def fingerprint(file: Path) -> str:
     """16 hexadecimal digits that change with all that decides what a kernel in ``file`` is compiled to."""
-    versions = (sys.version, *map(version, ("numba", "llvmlite", "numpy")))
-    return _digest(f"{versions} {_fingerprint_of_text(file)}".encode()).hex()
+    return _digest(f"{_versions()} {_fingerprint_of_text(file)}".encode()).hex()
 
 
 def _bases() -> Iterator[Path]:

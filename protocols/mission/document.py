@@ -17,7 +17,6 @@ from protocols.mission.checks import check_mission
 from protocols.mission.fields import MissionFields, Obstacles
 from protocols.mission.findings import explain_as
 from protocols.mission.policy_name import from_folder
-from protocols.mission.reading import ReadingError, read_yaml_file, write_yaml
 
 
 class MissionError(SwarmError, ValueError):
@@ -113,6 +112,8 @@ def read_mission_fields(path: Path) -> dict[str, Any]:
     Raises:
         MissionError: the file is missing, unreadable, or not a YAML mapping.
     """
+    from protocols.mission.reading import ReadingError, read_yaml_file  # loads what only files need
+
     try:
         fields = read_yaml_file(path)
     except ReadingError as error:
@@ -124,4 +125,6 @@ def read_mission_fields(path: Path) -> dict[str, Any]:
 
 def mission_yaml(mission: Mission) -> str:
     """The mission as YAML, every field; reading it gives an equal mission."""
+    from protocols.mission.reading import write_yaml
+
     return write_yaml(mission.model_dump(mode="json"))

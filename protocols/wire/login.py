@@ -1,7 +1,8 @@
 """What a drone must have to join a swarm as itself: one small JSON file, made by ``rsc-swarm keys`` or by a world."""
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar
+from functools import cache
+from typing import Annotated, Any, TypeVar, cast
 
 from pydantic import StringConstraints, TypeAdapter, ValidationError
 
@@ -49,12 +50,12 @@ class Login:
     seals: SealKeys | None = None
 
     def to_json(self) -> str:
-        return to_json(_LOGIN, self)
+        return to_json(self)
 
     @staticmethod
     def from_json(text: str) -> "Login":
         """Raises ValueError when ``text`` is not what ``to_json`` wrote. Whose certificates are in it is not looked at here."""
-        login = from_json(_LOGIN, text, "an agent's login")
+        login = from_json(Login, text, "an agent's login")
         checked_swarm(login.swarm)
         checked_agent(login.agent)
         return login
@@ -68,30 +69,33 @@ class OperatorLogin:
     certificates: Certificates
 
     def to_json(self) -> str:
-        return to_json(_OPERATOR, self)
+        return to_json(self)
 
     @staticmethod
     def from_json(text: str) -> "OperatorLogin":
         """Raises ValueError when ``text`` is not what ``to_json`` wrote. Whose certificates are in it is not looked at here."""
-        login = from_json(_OPERATOR, text, "an operator's login")
+        login = from_json(OperatorLogin, text, "an operator's login")
         checked_swarm(login.swarm)
         return login
 
 
-_LOGIN = TypeAdapter(Login)
-_OPERATOR = TypeAdapter(OperatorLogin)
 _Kind = TypeVar("_Kind")
 
 
-def to_json(kind: TypeAdapter[Any], what: object) -> str:
+@cache  # made for the first file, and not when this is imported: a launch reads none
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def to_json(what: object) -> str:
     """What `from_json` reads."""
-    return kind.dump_json(what, indent=2, exclude_none=True).decode() + "\n"
+    return _adapter(cast(Any, type(what))).dump_json(what, indent=2, exclude_none=True).decode() + "\n"
 
 
-def from_json(kind: TypeAdapter[_Kind], text: str, name: str) -> _Kind:
-    """Raises ValueError, in one line, when ``text`` is not ``name``."""
+def from_json(kind: type[_Kind], text: str, name: str) -> _Kind:
+    """Raises ValueError, in one line, when ``text`` is not ``name``, a ``kind``."""
     try:
-        return kind.validate_json(text, strict=True)
+        found: _Kind = _adapter(cast(Any, kind)).validate_json(text, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
         field_name = ".".join(map(str, first["loc"])) or "the whole"
@@ -99,3 +103,4 @@ def from_json(kind: TypeAdapter[_Kind], text: str, name: str) -> _Kind:
             f"is not {name} ({field_name}: {first['msg'][0].lower()}{first['msg'][1:]}); "
             "use a file as 'rsc-swarm keys' or the world writes it, unchanged"
         ) from None
+    return found

@@ -11,7 +11,6 @@ from protocols.mission.document import Mission
 from protocols.wire.nature import WORLD
 from rsc_swarm.air.mixed import MixedWorld
 from rsc_swarm.flight.alone import UNWATCHED, Watching
-from rsc_swarm.flight.events import end_of as end_of_flight
 from rsc_swarm.flight.key_files import read_world_login
 from rsc_swarm.flight.warm_up import warm_up
 from rsc_swarm.flight.world_process import save_path
@@ -71,4 +70,4 @@ def serve_mixed(
     if not world.begun:
         raise KeyboardInterrupt
     flown = world.flown()
-    return flown, save_path(world.recorder, run_dir, end_of_flight(flown, mission))
+    return flown, save_path(world.recorder, run_dir, flown)

@@ -1,4 +1,7 @@
-"""A flight as a command: fly with a live view, then tell what came of it."""
+"""A flight as a command: fly with a live view, then tell what came of it.
+
+What makes the report of it, and prints it, is loaded when it is needed: the first tick of a launch does not wait for that.
+"""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -14,13 +17,11 @@ from rsc_swarm.cli.mcap_output import McapOutput
 from rsc_swarm.cli.output import JsonOutput
 from rsc_swarm.errors import line_of
 from rsc_swarm.flight.policy_facts import policy_facts
-from rsc_swarm.flight.provenance import provenance
-from rsc_swarm.flight.report import FlightReport, agents_text, report_of
-from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.flight.provenance import ask_ahead, provenance
 from rsc_swarm.flight.warm_up import warm_up
+from rsc_swarm.flight.words import agents_text
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.options import MissionOptions, command_line, resolve, with_faults
-from rsc_swarm.show.render import plain, render, show
 from rsc_swarm.show.view import View, line
 from world.outcome import Flown
 from world.outlets.onlooker import Onlooker
@@ -28,6 +29,8 @@ from world.outlets.onlooker import Onlooker
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from rsc_swarm.flight.report import FlightReport
+    from rsc_swarm.flight.run_dir import RunDir
     from rsc_swarm.watch.window import Window
 
 
@@ -38,7 +41,7 @@ class Flight(NamedTuple):
     mission: Mission
     clock: Clock
     view: View
-    folder: RunDir | None
+    folder: "RunDir | None"
     keep: Callable[[Flown], object]
     onlooker: Onlooker | None
     gathered: Callable[[int], None]
@@ -81,13 +84,17 @@ def fly_once(
     Raises:
         protocols.errors.SwarmError: the mission cannot be flown, or the run itself broke.
     """
+    ask_ahead()
     mission = given or resolve(options)
     output, mcap = JsonOutput(asked.json), McapOutput(asked.mcap)
     with redirect_stdout(output.beside):  # whatever a policy prints
         policy_files = policy_facts(mission).files
     flown_with = provenance(policy_files)
-    folder = RunDir(asked.run_dir) if asked.run_dir else None
-    if folder:
+    folder = None
+    if asked.run_dir:
+        from rsc_swarm.flight.run_dir import RunDir
+
+        folder = RunDir(asked.run_dir)
         folder.begin(mission, policy_files, asked.overwrite)
         options = options if given else MissionOptions(mission=str(folder.mission))
     realtime = {} if asked.clock is Clock.lockstep else {"clock": asked.clock.value}
@@ -97,7 +104,9 @@ def fly_once(
     def flown_task(told: Told) -> Mission:
         return mission.model_copy(update={"faults": (*mission.faults, *told.flown.by_hand)})
 
-    def report(told: Told) -> FlightReport:
+    def report(told: Told) -> "FlightReport":
+        from rsc_swarm.flight.report import report_of
+
         figures = (told.first_tick_s, told.pss_mb, flown_with)
         task, asked_again = flown_task(told), options
         if told.flown.by_hand and not folder:
@@ -108,6 +117,8 @@ def fly_once(
 
     def keep(told: Told, *first: Callable[[], None]) -> list[SwarmError]:
         """Keep it, but do ``first`` first; what went wrong."""
+        from rsc_swarm.show.render import plain, render
+
         kept = report(told)
         saves: list[Callable[[], None]] = [*first, partial(output.write, kept.model_dump_json(indent=2))]
         if folder:
@@ -137,6 +148,8 @@ def fly_once(
             reached = f"stopped at {line(view.last)}" if view.last else "stopped before the first tick"
             print(reached, file=sys.stderr)
             return ExitCode.INTERRUPTED
+        from rsc_swarm.show.render import plain, render, show
+
         flown = report(told)
         if window:
             window.say(
@@ -175,7 +188,7 @@ def _try(save: Callable[[], None]) -> WriteError | None:
     return None
 
 
-def _ends(report: FlightReport) -> ExitCode:
+def _ends(report: "FlightReport") -> ExitCode:
     if report.failure == "interrupted":
         return ExitCode.INTERRUPTED
     if report.failure == "broken":

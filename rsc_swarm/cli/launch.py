@@ -31,10 +31,9 @@ def _fly(flight: "Flight") -> "Told":
     from rsc_swarm.flight.launch import launch
     from rsc_swarm.flight.world_process import Inside
 
-    place, view, drones = flight.folder.path if flight.folder else None, flight.view, flight.mission.agents
-    view.doing(f"starting {drones + 1} processes")
+    place = flight.folder.path if flight.folder else None
     launched = launch(
-        flight.mission, flight.clock.value, place, view.update, weigh=True,
+        flight.mission, flight.clock.value, place, flight.view.update, weigh=True,
         inside=Inside(flight.keep, flight.onlooker), on_gathered=flight.gathered,
     )  # fmt: skip
     unsaved = partial(told_unsaved, launched.unsaved)

@@ -1,18 +1,20 @@
-"""``--mcap``: a flight as a file that other programs open, right after it was flown."""
+"""``--mcap``: a flight as a file that other programs open, right after it was flown.
+
+What that needs is loaded only where it is asked for.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import WriteError
-from rsc_swarm.flight.events import end_told
-from rsc_swarm.flight.recorded import Recorded
-from rsc_swarm.flight.report import FlightReport
-from rsc_swarm.flight.run_dir import RunDir
-from rsc_swarm.show.foxglove.file import check_mcap, write_mcap
-from world.outlets.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rsc_swarm.flight.report import FlightReport
+    from rsc_swarm.flight.run_dir import RunDir
 
 
 class McapOutput:
@@ -30,18 +32,22 @@ class McapOutput:
             return
         if given.is_dir() or not given.absolute().parent.is_dir():
             raise MissionError(f"--mcap {given}: give a file in a directory that exists")
+        from rsc_swarm.show.foxglove.file import check_mcap
+
         check_mcap()
 
     @contextmanager
-    def place(self, folder: RunDir | None) -> Iterator[RunDir | None]:
+    def place(self, folder: "RunDir | None") -> "Iterator[RunDir | None]":
         """Where the flight is to be recorded: in its run directory; without one, in a passing folder if that is needed."""
         if folder or self._file is None:
             yield folder
             return
+        from rsc_swarm.flight.run_dir import RunDir
+
         with TemporaryDirectory(prefix="rsc-swarm-") as passing:
             yield RunDir(Path(passing))
 
-    def write(self, place: RunDir | None, mission: Mission, report: FlightReport) -> None:
+    def write(self, place: "RunDir | None", mission: Mission, report: "FlightReport") -> None:
         """Write what was recorded in ``place``, if that was asked for.
 
         Raises:
@@ -49,6 +55,11 @@ class McapOutput:
         """
         if self._file is None or place is None:
             return
+        from rsc_swarm.flight.events import end_told
+        from rsc_swarm.flight.recorded import Recorded
+        from rsc_swarm.show.foxglove.file import write_mcap
+        from world.outlets.trajectory import Trajectory
+
         if not place.trajectory.is_file():
             raise WriteError(f"--mcap {self._file}: nothing was recorded")
         path = Trajectory.load(place.trajectory)

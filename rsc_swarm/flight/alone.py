@@ -18,7 +18,6 @@ from agent.radio.link import AgentLink
 from protocols.mission.document import Mission, parse_mission
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
 from rsc_swarm.flight.world_process import save_path
@@ -82,7 +81,7 @@ def serve_world(
             if leave.asked:
                 raise KeyboardInterrupt from None
             raise RunBroken(str(error)) from None
-        return flown, save_path(recorder, run_dir, end_of(flown, mission))
+        return flown, save_path(recorder, run_dir, flown)
 
 
 def fly_agent(

@@ -15,8 +15,9 @@ from protocols.mission.document import Mission
 from protocols.mission.fault import Fault
 from protocols.wire.lies import says
 from rsc_swarm.flight.detours import detours
-from rsc_swarm.flight.report import FlightReport, agents_text, describe
+from rsc_swarm.flight.report import FlightReport, describe
 from rsc_swarm.flight.slot_changes import SlotChange, slot_changes
+from rsc_swarm.flight.words import agents_text
 from world.outcome import Flown
 from world.outlets.judged import findings_of
 from world.outlets.trajectory import Trajectory

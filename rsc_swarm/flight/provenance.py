@@ -5,6 +5,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -61,27 +62,51 @@ def _version(name: str) -> str:
         return "not installed"
 
 
+def ask_ahead() -> None:
+    """Let git look for what `commit` tells, while other things are done."""
+    for words in (_WHICH, _CHANGED):
+        _asked(words)
+
+
 @cache
 def commit() -> str | None:
     """The commit of the checkout this code runs from, with ``-dirty`` if its files differ; None if it is no checkout."""
-    top, head = _git("rev-parse", "--show-toplevel"), _git("rev-parse", "HEAD")
-    if not top or not head or Path(top) != _ROOT:
+    ask_ahead()
+    which, changed = _git(_WHICH), _git(_CHANGED)
+    top, _, head = (which or "").partition("\n")
+    if not head or Path(top) != _ROOT:
         return None
-    changed = _git("status", "--porcelain", "--untracked-files=no")
     return f"{head}-dirty" if changed or changed is None else head
 
 
-def _git(*words: str) -> str | None:
-    """What git says about the checkout; None if it says no, or there is none."""
+_WHICH = ("rev-parse", "--show-toplevel", "HEAD")
+_CHANGED = ("status", "--porcelain", "--untracked-files=no")
+
+
+@cache
+def _asked(words: tuple[str, ...]) -> "subprocess.Popen[str] | None":
+    """Git, as it looks at the checkout; None if there is no git."""
     elsewhere = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")  # set inside hooks
-    try:
-        run = subprocess.run(
+    with suppress(OSError):
+        return subprocess.Popen(
             ["git", "-C", str(_ROOT), "--no-optional-locks", *words],
             env={name: value for name, value in os.environ.items() if name not in elsewhere},
-            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
             text=True,
-            timeout=_GIT_S,
         )
-    except (OSError, subprocess.TimeoutExpired):
+    return None
+
+
+def _git(words: tuple[str, ...]) -> str | None:
+    """What git says about the checkout; None if it says no, or there is none."""
+    if (git := _asked(words)) is None:
         return None
-    return run.stdout.strip() if run.returncode == 0 else None
+    try:
+        said, _ = git.communicate(timeout=_GIT_S)
+    except subprocess.TimeoutExpired:
+        git.kill()
+        git.communicate()
+        return None
+    return said.strip() if git.returncode == 0 else None

@@ -15,6 +15,7 @@ from protocols.wire.frames import REASONS
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.policy_facts import policy_facts
 from rsc_swarm.flight.provenance import Provenance, provenance
+from rsc_swarm.flight.words import agents_text, lost_text
 from world.outcome import Flown, Outcome
 
 Failure = Literal["collision", "late", "all-lost", "broken", "interrupted"]
@@ -318,20 +319,3 @@ def describe_failure(outcome: Outcome, mission: Mission) -> str:
     if mission.success == "strict":
         formation = f"strictly {formation}"
     return f"not {formation}beyond the goal line within {when}: {state}"
-
-
-def numbers_text(agents: tuple[int, ...]) -> str:
-    """``agents 3, 4 and 7``."""
-    if len(agents) == 1:
-        return f"agent {agents[0]}"
-    return "agents " + ", ".join(str(agent) for agent in agents[:-1]) + f" and {agents[-1]}"
-
-
-def agents_text(agents: int) -> str:
-    """``1 agent``, ``25 agents``."""
-    return f"{agents} agent{'' if agents == 1 else 's'}"
-
-
-def lost_text(agents: tuple[int, ...]) -> str:
-    """Which drones were lost, shortened if they are many."""
-    return "none" if not agents else numbers_text(agents) if len(agents) <= 12 else f"{len(agents)} agents"

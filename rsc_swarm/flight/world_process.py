@@ -21,9 +21,7 @@ import psutil
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
-from rsc_swarm.flight.events import End, end_of
 from rsc_swarm.flight.processes import launcher_died, leave_on_sigterm
-from rsc_swarm.flight.run_dir import RunDir
 from world.outcome import Flown
 from world.outlets.onlooker import Onlooker
 from world.outlets.recorder import Recorder
@@ -133,19 +131,24 @@ def be_world(
             control.so_far = server.flown
             flown = server.run()
         control.tell("flown", flown)
-        unsaved = save_path(recorder, run_dir, end_of(flown, mission))
+        unsaved = save_path(recorder, run_dir, flown)
         control.tell("saved", unsaved)
         if launcher_died():
             inside.keep(flown)
     except SwarmError as error:
-        save_path(recorder, run_dir, End("broken", str(error)))
+        save_path(recorder, run_dir, error)
         control.tell("broken", str(error))
 
 
-def save_path(recorder: Recorder | None, run_dir: Path | None, end: End) -> str | None:
-    """Save what was recorded, if anything was, and the events; why that cannot be done."""
+def save_path(recorder: Recorder | None, run_dir: Path | None, ended: Flown | SwarmError) -> str | None:
+    """Save what was recorded, if anything was, and the events; why that cannot be done. ended: what was flown, or
+    what broke it."""
     if recorder is None or run_dir is None or not recorder.rows:
         return None
+    from rsc_swarm.flight.events import End, end_of  # loaded only where something is kept, after the flight
+    from rsc_swarm.flight.run_dir import RunDir
+
+    end = End("broken", str(ended)) if isinstance(ended, SwarmError) else end_of(ended, recorder.mission)
     try:
         RunDir(run_dir).save_path(recorder.trajectory, recorder.mission, end)
     except WriteError as error:

@@ -8,7 +8,8 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from rsc_swarm.flight.report import FlightReport, agents_text, lost_text
+from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.flight.words import agents_text, lost_text
 from world.outcome import STRICT_HOLD_S, STRICT_SLOT_M
 
 _SHOWN_FAULTS = 4

@@ -1,29 +1,20 @@
 """The live view of a flight: a map and a table on a terminal, one line per two simulated seconds elsewhere.
 
-No threads: the picture is drawn when `View.update` is called and at no other time; the launcher forks.
+No threads: something is drawn when the view is told to, and at no other time; the launcher forks. What draws on terminals is
+loaded at the first word that it is told: a launch's drones start meanwhile.
 """
 
 import math
 import sys
 from types import TracebackType
-from typing import Self, TextIO
+from typing import TYPE_CHECKING, Self, TextIO
 
-from rich.console import ConsoleDimensions, Group
-from rich.live import Live
-from rich.text import Text
+from world.outlets.snapshot import Snapshot
 
-from rsc_swarm.show.field_map import LEGEND, FieldMap
-from rsc_swarm.show.render import console
-from world.outlets.snapshot import AgentRow, Snapshot
+if TYPE_CHECKING:
+    from rsc_swarm.show.picture import Screen
 
 _LINE_EVERY_S = 2.0
-_HEAD_LINES = 6  # and the line that explains the columns
-_MAP_LINES = 16  # at most; and its legend
-_GOOD_MAP_LINES, _LEAST_MAP_LINES = 8, 5  # a smaller one says nothing
-_WIDEST = 120  # columns of the map
-_ONE_COLUMN = 20  # more drones than this are shown in two columns
-_HEADING = f"{'agent':>5} {'slot':>4} {'m/s':>4} {'near m':>6} {'edge':>5} {'hear':>4} {'bad':>3}"
-_FOOTER = "near: to anything; edge: off its length; hear: drones heard; bad: frames refused"
 
 
 class View:
@@ -31,32 +22,32 @@ class View:
 
     def __init__(self, title: str, stream: TextIO | None = None) -> None:
         """``title`` says what is flown; ``stream`` is stderr unless given."""
-        self._title = title
-        self._console = console(stream or sys.stderr)
-        self._live = (
-            Live(console=self._console, auto_refresh=False, transient=True)
-            if self._console.is_terminal
-            else None
-        )
-        self._map = FieldMap()
+        self._title, self._stream = title, stream or sys.stderr
+        self._opened: Screen | None = None
         self._next_line_s = 0.0
         self.last: Snapshot | None = None
+
+    @property
+    def _screen(self) -> "Screen | None":
+        if self._opened is None and self._stream.isatty():
+            from rsc_swarm.show.picture import Screen
+
+            self._opened = Screen(self._title, self._stream)
+        return self._opened
 
     def update(self, snapshot: Snapshot) -> None:
         """Show this moment."""
         self.last = snapshot
-        if self._live:
-            size = self._console.size
-            self._live.update(picture(self._title, snapshot, size, self._map), refresh=True)
+        if screen := self._screen:
+            screen.show(snapshot)
         elif snapshot.time_s >= self._next_line_s:
             self._next_line_s = (math.floor(snapshot.time_s / _LINE_EVERY_S) + 1) * _LINE_EVERY_S
-            self._console.print(Text(line(snapshot)))
+            self.say(line(snapshot))
 
     def doing(self, text: str) -> None:
         """What is being done before there is a flight to see; on a terminal only, until the first `update`."""
-        if self._live:
-            title = Text(self._title, "bold", no_wrap=True, overflow="ellipsis")
-            self._live.update(Group(title, Text(f"{text}...")), refresh=True)
+        if screen := self._screen:
+            screen.doing(text)
 
     def waiting(self, ready: int, drones: int) -> None:
         """So many drones are ready."""
@@ -64,19 +55,20 @@ class View:
 
     def say(self, text: str) -> None:
         """One line above the picture."""
-        self._console.print(Text(text))
+        if screen := self._screen:
+            screen.say(text)
+        else:
+            print(text, file=self._stream, flush=True)
 
     def __enter__(self) -> Self:
-        if self._live:
-            self._live.start()
-            self.doing("getting ready")
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._live:
-            self._live.stop()
+        if self._opened:
+            self._opened.close()
+            self._opened = None
 
 
 def line(snapshot: Snapshot) -> str:
@@ -84,15 +76,13 @@ def line(snapshot: Snapshot) -> str:
     flying = [row for row in snapshot.agents if row.state != "lost"]
     nearest = min((row.nearest_m for row in flying), default=math.inf)
     edge = max((row.edge_error for row in flying), default=0.0)
-    text = (
-        f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time{_passed(snapshot, '  ')}"
-    )
+    text = f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time{passed(snapshot, '  ')}"
     if math.isfinite(nearest):
         text += f"  nearest {nearest:5.2f} m"
     if len(snapshot.agents) > 1:
         text += f"  worst edge {100 * edge:4.0f} %  swaps {swaps(snapshot)}"
     lost = len(snapshot.agents) - len(flying)
-    return text + (f"  lost {lost}" if lost else "") + _late(snapshot)
+    return text + (f"  lost {lost}" if lost else "") + late(snapshot)
 
 
 def swaps(snapshot: Snapshot) -> int:
@@ -100,89 +90,11 @@ def swaps(snapshot: Snapshot) -> int:
     return snapshot.swaps["committed"] + snapshot.swaps["vacated"]
 
 
-def _passed(snapshot: Snapshot, gap: str) -> str:
+def passed(snapshot: Snapshot, gap: str) -> str:
     """Nothing in a field without obstacles."""
     passed = f"{gap}obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}"
     return passed if snapshot.obstacles else ""
 
 
-def _late(snapshot: Snapshot) -> str:
+def late(snapshot: Snapshot) -> str:
     return f"  late answers {snapshot.deadline_misses}" if snapshot.deadline_misses else ""
-
-
-def picture(title: str, snapshot: Snapshot, size: ConsoleDimensions, field: FieldMap) -> Group:
-    """One moment as a picture that fits into ``size``: figures, the ``field`` if there is room for it, and the drones."""
-    frames = snapshot.frames
-    lost = frames["partition"] + frames["burst"] + frames["loss"]
-    share = lost / max(1, lost + frames["delivered"])
-    head = [
-        Text.assemble((title, "bold"), no_wrap=True, overflow="ellipsis"),
-        Text(
-            f"t {snapshot.time_s:6.2f} s   tick {snapshot.tick:5d}   "
-            f"{snapshot.real_time_factor:5.1f} x real time{_passed(snapshot, '   ')}{_late(snapshot)}",
-            no_wrap=True,
-        ),
-        Text(
-            f"frames sent {frames['sent']:,}  heard {frames['delivered']:,}  lost {100 * share:.0f} %   "
-            f"swaps proposed {snapshot.swaps['proposed']}, made {swaps(snapshot)}",
-            no_wrap=True,
-        ),
-    ]
-    foot = Text(_FOOTER, style="dim", no_wrap=True, overflow="ellipsis")
-    left = size.height - _HEAD_LINES
-    lines = _map_lines(snapshot, left)
-    drawn = field.draw(snapshot, min(size.width - 1, _WIDEST), lines) if lines >= _LEAST_MAP_LINES else None
-    if drawn is None:
-        return Group(*head, Text(), *_table(snapshot, left - 1), foot)
-    return Group(*head, Text(), drawn, LEGEND, *_table(snapshot, left - 2 - lines), foot)
-
-
-def _map_lines(snapshot: Snapshot, left: int) -> int:
-    """How many of the lines ``left`` the map gets: what the table of all drones leaves, or else half."""
-    beside = left - 2 - _table_lines(snapshot)
-    return min(_MAP_LINES, beside if beside >= _GOOD_MAP_LINES else left // 2 - 2)
-
-
-def _columns(snapshot: Snapshot) -> int:
-    return 1 if len(snapshot.agents) <= _ONE_COLUMN else 2
-
-
-def _table_lines(snapshot: Snapshot) -> int:
-    """So many lines has the table of all drones."""
-    return 1 - (-len(snapshot.agents) // _columns(snapshot))
-
-
-def _table(snapshot: Snapshot, lines: int) -> list[Text]:
-    """The drones in one or two columns, as many as fit under the heading."""
-    columns = _columns(snapshot)
-    needed = -(-len(snapshot.agents) // columns)
-    shown = needed if needed <= lines - 1 else max(1, lines - 2)
-    table = [Text("  ".join([_HEADING] * columns), style="dim", no_wrap=True)]
-    for index in range(shown):
-        row = Text(no_wrap=True)
-        for column in range(columns):
-            agent = index + column * shown
-            if agent < len(snapshot.agents):
-                row.append("  " if column else "").append_text(_cell(snapshot.agents[agent]))
-        table.append(row)
-    hidden = len(snapshot.agents) - shown * columns
-    if hidden > 0:
-        table.append(Text(f"and {hidden} more: make the window taller to see them", style="dim"))
-    return table
-
-
-def _cell(row: AgentRow) -> Text:
-    """One drone, as wide as the heading."""
-    if row.state == "lost":
-        return Text(f"{row.agent:>5} {'lost':>4}".ljust(len(_HEADING)), style="red")
-    text = Text()
-    text.append(f"{row.agent:>5} {row.slot:>4} {row.speed_mps:4.1f} ")
-    near = "-" if math.isinf(row.nearest_m) else f"{min(row.nearest_m, 999.0):.2f}"
-    text.append(f"{near:>6}", "red" if row.nearest_m < 1.0 else "")
-    edge = 100 * row.edge_error
-    text.append(f" {min(edge, 999):4.0f}%", "green" if edge < 10 else "yellow")
-    text.append(f" {row.heard:>4} ")
-    text.append(f"{min(row.rejected, 999):>3}", "red" if row.rejected else "")
-    if row.state == "frozen":
-        text.stylize("reverse")
-    return text

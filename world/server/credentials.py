@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import NamedTuple
 
-from pydantic import TypeAdapter
-
 from protocols.wire.keys import MAX_AGENTS, checked_swarm, user
 from protocols.wire.login import Certificates, Login, OperatorLogin, Password, SealKeys, from_json, to_json
 
@@ -43,12 +41,12 @@ class Credentials:
         return "".join(f"{user(agent)}:{word}\n" for agent, word in enumerate(self.passwords))
 
     def to_json(self) -> str:
-        return to_json(_CREDENTIALS, self)
+        return to_json(self)
 
     @staticmethod
     def from_json(text: str) -> "Credentials":
         """Raises ValueError when ``text`` is not what ``to_json`` wrote, or its certificates are not a world's."""
-        credentials = from_json(_CREDENTIALS, text, "the world's file of a swarm's keys")
+        credentials = from_json(Credentials, text, "the world's file of a swarm's keys")
         checked_swarm(credentials.swarm)
         if not 1 <= len(credentials.passwords) <= MAX_AGENTS:
             raise ValueError(f"is of {len(credentials.passwords)} drones: a swarm has 1 to {MAX_AGENTS}")
@@ -65,9 +63,6 @@ def _fresh_seals(agents: int) -> tuple[SealKeys, ...]:
     private = [secrets.token_bytes(KEY_BYTES) for _ in range(agents)]
     public = tuple(public_key(key).hex() for key in private)
     return tuple(SealKeys(key.hex(), public) for key in private)
-
-
-_CREDENTIALS = TypeAdapter(Credentials)
 
 
 class Keys(NamedTuple):

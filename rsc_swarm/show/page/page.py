@@ -11,7 +11,7 @@ from protocols.mission.document import mission_yaml
 from protocols.whole_file import write_whole
 from rsc_swarm.flight.events import KINDS
 from rsc_swarm.flight.recorded import Recorded
-from rsc_swarm.flight.report import agents_text
+from rsc_swarm.flight.words import agents_text
 from rsc_swarm.show.page import curves
 from rsc_swarm.show.page.drawing import drawing
 from rsc_swarm.show.page.story import opening, story

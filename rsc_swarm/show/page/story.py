@@ -8,7 +8,7 @@ from protocols.mission.document import Mission
 from protocols.mission.formation import default_shape
 from rsc_swarm.flight.events import BEFALLING, Event
 from rsc_swarm.flight.recorded import Recorded
-from rsc_swarm.flight.report import agents_text, numbers_text
+from rsc_swarm.flight.words import agents_text, numbers_text
 
 _TOGETHER_S = 2.0  # what is of one kind and no farther apart is one paragraph
 _GROUPED = ("swap", "takeover", "move", "detour", *BEFALLING)
