@@ -153,9 +153,9 @@ class AgentCore:
             self.open()
             self._begin(tick, inputs)
         arrays, work, air, endpoints = self._page, self._work, inputs.air, self._endpoints
-        changed = endpoints.step(tick, work, air) if cycle.before_policy(tick, arrays) else ()
-        if changed or begins:  # at the first swap there would be no time for loading code
-            cycle.aim_again(arrays)
+        changed = endpoints.step(tick, work, air) if cycle.before_policy(tick, False, arrays) else ()
+        if changed:
+            cycle.before_policy(tick, True, arrays)
         policy, name = self.policy, self.mission.policy
         if isinstance(policy, Compiled):
             command = self.command

@@ -93,7 +93,7 @@ def begin_tick(quick: Quick) -> int:
         quick.ears.believed[row] = row
         at = beyond
     quick.arrays.work.inbox_start[1] = heard
-    return RARE if perceive_all(tick, quick.arrays) else tick
+    return RARE if perceive_all(tick, False, quick.arrays) else tick
 
 
 @inlined_kernel

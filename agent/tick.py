@@ -18,15 +18,6 @@ from protocols.dynamics import ABSURD_MPS2, vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.slots import trigger
 from protocols.slots.trigger import Shape
-from protocols.wire.sensed import Sensed
-
-
-@inlined_kernel
-def _aim_and_observe(
-    row: int, rules: Rules, shape: Shape, views: Views, work: Work, sensed: Sensed, memory: Memory
-) -> None:
-    aim_row(row, rules.chain, shape, views, work, sensed, memory)
-    observe_row(row, rules.reach_m, work, sensed, memory, work.observation[row])
 
 
 @inlined_kernel
@@ -44,8 +35,11 @@ def _ask_triggers(
 
 
 @inlined_kernel
-def perceive_all(tick: int, arrays: TickArrays) -> bool:
+def perceive_all(tick: int, again: bool, arrays: TickArrays) -> bool:
     """Perceive, aim, observe and ask the swap triggers, for every awake row. Done again for the same tick it changes nothing.
+
+    Args:
+        again: only aim and observe, after a view of the slots has changed.
 
     Returns:
         Whether any row's slot protocol has something to attend to (``arrays.work.news``).
@@ -54,12 +48,16 @@ def perceive_all(tick: int, arrays: TickArrays) -> bool:
     sensed, frames, memory = arrays.sensed, arrays.frames, arrays.memory
     found = False
     for row in range(work.me.shape[0]):
-        work.news[row] = False
         if not work.awake[row]:
+            work.news[row] = False
             continue
-        place_target(tick, row, rules.target_mps, work)
-        perceive_row(tick, row, rules, work, sensed, frames, memory)
-        _aim_and_observe(row, rules, shape, views, work, sensed, memory)
+        if not again:
+            place_target(tick, row, rules.target_mps, work)
+            perceive_row(tick, row, rules, work, sensed, frames, memory)
+        aim_row(row, rules.chain, shape, views, work, sensed, memory)
+        observe_row(row, rules.reach_m, work, sensed, memory, work.observation[row])
+        if again:
+            continue
         if rules.swap.rule != trigger.OFF:
             _ask_triggers(tick, row, rules, shape, views, work, memory)
         news = views.busy[row] or work.partner[row] != trigger.NOBODY or work.vacated[row] != trigger.NOBODY
@@ -72,19 +70,9 @@ def perceive_all(tick: int, arrays: TickArrays) -> bool:
 
 
 @kernel
-def before_policy(tick: int, arrays: TickArrays) -> bool:
+def before_policy(tick: int, again: bool, arrays: TickArrays) -> bool:
     """`perceive_all`."""
-    return perceive_all(tick, arrays)
-
-
-@kernel
-def aim_again(arrays: TickArrays) -> None:
-    """Targets and observations after a view of the slots has changed."""
-    rules, shape, views, work = arrays.rules, arrays.shape, arrays.views, arrays.work
-    sensed, memory = arrays.sensed, arrays.memory
-    for row in range(work.me.shape[0]):
-        if work.awake[row]:
-            _aim_and_observe(row, rules, shape, views, work, sensed, memory)
+    return perceive_all(tick, again, arrays)
 
 
 @inlined_kernel

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, partial
+from operator import is_
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -140,6 +141,21 @@ def bound(rule: Callable[..., T], *given: Any) -> Callable[[], T]:
     """A call of this kernel with these arguments, for one that is asked again and again: what they are like is looked at once.
     Numbers stay what they are; arrays are read anew each time."""
     return rule.bound(given) if isinstance(rule, Kernel) else partial(rule, *given)
+
+
+def rebound(rule: Callable[..., T]) -> Callable[..., T]:
+    """The same rule, for one that is mostly asked with the very same arguments: what they are like is looked at only where others
+    come."""
+    last: tuple[Any, ...] = ()
+    call: Callable[[], T] | None = None
+
+    def ask(*given: Any) -> T:
+        nonlocal last, call
+        if call is None or not all(map(is_, given, last)):
+            last, call = given, bound(rule, *given)
+        return call()
+
+    return ask
 
 
 def is_kept(rule: Callable[..., Any]) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.kernels import bound, by_reference
+from protocols.kernels import bound, by_reference, rebound
 from protocols.mission.document import Mission, MissionError
 from protocols.mission.fault import Fault
 from protocols.wire.sensed import MAX_OBSTACLES, empty_sensed
@@ -145,7 +145,7 @@ class WorldCore:
                 self._bound,
             )
         )  # fmt: skip
-        self._perceive = bound(tick.perceive, self._stage)
+        self._perceive, self._advance = bound(tick.perceive, self._stage), rebound(tick.advance)
         self._judgements = [Judgement(mission, both) for mission in missions]
         self._digests = Digests((self.position, self.velocity, self.flying, self.claim, self.tally))
         self._position_in = list(self.position)  # NumPy's own indexing costs more than the rules
@@ -234,7 +234,7 @@ class WorldCore:
     def advance(self, answers: Answers, agreed: Sequence[bool] | None = None) -> list[int]:
         """Move all worlds by one tick; return those whose flight has just ended. ``agreed``: (E,) whether all living drones have
         one view of the slots; None: they do."""
-        tick.advance(answers.command, answers.sent_bytes, answers.claim, self._stage)
+        self._advance(answers.command, answers.sent_bytes, answers.claim, self._stage)
         return self._settle(agreed or [True] * len(self.missions))
 
     def _settle(self, agreed: Sequence[bool]) -> list[int]:

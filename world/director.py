@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.kernels import bound, by_reference
+from protocols.kernels import bound, by_reference, rebound
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.status import AgentStatus
 from world.core import Answers, Inbox, WorldCore
@@ -68,10 +68,10 @@ class Director:
         self.clock = 0
         # Frames of each size, per world; 0 counts those who sent nothing.
         self._sizes = np.zeros((core.shape[0], MAX_FRAME_BYTES + 2), np.int64)
-        self._glance = by_reference(
+        self._watched = by_reference(
             Watch(core.active, core.flying, core.responsive, self._says, self._awake, self._sizes)
         )
-        self._is_deserted = bound(is_deserted, self._glance)
+        self._glance, self._is_deserted = rebound(glance), bound(is_deserted, self._watched)
         self._seen: dict[
             int, tuple[np.ndarray, Watched]
         ] = {}  # sizes and what was watched, when it was decided
@@ -126,14 +126,14 @@ class Director:
             if agent not in dict(discredited):
                 self.statuses[row] = status
             self._discredit(world, discredited)
-        claims = answers.claim.reshape(core.shape)
-        seen = glance(answers.sent_bytes, answers.claim, self._glance)
+        seen = self._glance(answers.sent_bytes, answers.claim, self._watched)
         if seen & OTHERS_AWAKE:
             self._living = [np.flatnonzero(world).tolist() for world in self._awake]
         for world in np.flatnonzero(core.active).tolist():
             watch = self.invariants[world]
             if seen & WRONG_CLAIM:
-                self._discredit(world, watch.claims(self.clock, claims[world], core.flying[world]))
+                claims = answers.claim.reshape(core.shape)[world]
+                self._discredit(world, watch.claims(self.clock, claims, core.flying[world]))
             watch.tick(self.clock, self._living[world], core.could_know(world))
 
     def _discredit(self, world: int, discredited: Discredited) -> None:

@@ -33,7 +33,8 @@ class History(NamedTuple):
 
 
 class Question(NamedTuple):
-    """A model's inputs for the rows that are due for a plan, one after the other; ``row`` (A,) says which they are."""
+    """A model's inputs for the rows that are due for a plan, one after the other; ``row`` (A,) says which they are. wide: (32,)
+    room to make ``extra`` in, of the type in which a drone observes: one more would take long to compile."""
 
     row: NDArray[np.int64]
     own: NDArray[np.float32]
@@ -42,6 +43,7 @@ class Question(NamedTuple):
     means: NDArray[np.float32]
     target: NDArray[np.float32]
     extra: NDArray[np.float32]
+    wide: NDArray[np.float64]
 
 
 class Plans(NamedTuple):
@@ -73,6 +75,7 @@ def empty_question(rows: int, past: int, neighbours: int, rounds: int) -> Questi
         means=np.zeros((rows, rounds, OBSERVATION_SIZE), np.float32),
         target=np.zeros((rows, 2), np.float32),
         extra=np.zeros((rows, WIDE_SIZE), np.float32),
+        wide=np.zeros(WIDE_SIZE),
     )
 
 
@@ -159,7 +162,9 @@ def _ask_row(
             question.means[place, rounds - 1 - passed_on, index] = work.means[row, passed_on, index]
     x, y = compressed(work.chain_error[row, 0], work.chain_error[row, 1])
     question.target[place, 0], question.target[place, 1] = x, y
-    observe_wide_row(row, rules.reach_m, memory, question.extra[place])
+    observe_wide_row(row, rules.reach_m, memory, question.wide)
+    for index in range(WIDE_SIZE):
+        question.extra[place, index] = question.wide[index]
 
 
 @inlined_kernel

@@ -16,7 +16,7 @@ import pytest
 from protocols import kept
 from protocols.dynamics import clip_ball
 from protocols.kept import cache_folder, fingerprint, sources_of
-from protocols.kernels import COMPILED, by_reference, kernel, release_compiler
+from protocols.kernels import COMPILED, by_reference, kernel, rebound, release_compiler
 
 ROOT = Path(__file__).resolve().parents[2]
 compiled = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
@@ -334,3 +334,15 @@ def test_what_is_no_number_of_64_bits_is_refused(value: object) -> None:
     ):
         with pytest.raises(TypeError, match="a kernel takes arrays, numbers of 64 bits"):
             given()
+
+
+def test_a_rule_that_is_bound_anew_answers_what_is_asked_now() -> None:
+    ask, values = rebound(mixed), np.array([8.0])
+    one, other = by_reference(Pair(0.5, values)), by_reference(Pair(2.0, values))
+    assert ask(True, 1.0, 3, one)[2] == 4.0
+    values[0] = 6.0
+    assert [ask(True, 1.0, 3, given)[2] for given in (one, other, one)] == [3.0, 12.0, 3.0]
+    assert [ask(flag, number, 3, one)[:2] for flag, number in ((True, 1.0), (False, 2.5))] == [
+        (False, (2.0, 4)),
+        (True, (5.0, 4)),
+    ]

@@ -82,7 +82,7 @@ class Peer:
         self.asked, self.question = tick, question
         self._asked_at = self._told_at = now_s
         if piped:
-            self.tell(len(question))
+            self._sent_bytes += len(question) + _OVERHEAD_BYTES
         self._open[tick] = proof, self._sent_bytes
 
     def tell(self, size: int) -> None:
@@ -90,15 +90,17 @@ class Peer:
         self._sent_bytes += size + _OVERHEAD_BYTES
 
     def owes(self, tick: int) -> bool:
-        """Whether it was asked this and has not answered yet."""
-        return tick in self._open
+        """Whether it was asked this, and has not answered yet, and nobody has knocked meanwhile."""
+        return tick in self._open and self._rival is None
 
     def answer(self, tick: int, proof: int) -> bool:
         """It answers: whether to a Tick that it has read, and has not answered yet."""
         asked = self._open.get(tick)
         if asked is None or asked[0] != proof:
             return False
-        self._read_bytes, self._granted, self.answered = max(self._read_bytes, asked[1]), False, tick
+        if asked[1] > self._read_bytes:
+            self._read_bytes = asked[1]
+        self._granted, self._waits, self.answered = False, 0, tick
         if len(self._open) == 1:
             self._open.clear()
         else:

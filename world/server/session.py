@@ -190,12 +190,13 @@ class WorldServer(Swarm):
     def _say_tick(self, tick: int, awake: list[int]) -> None:
         now, proof, peers = self._time.now(), self._proof, self.peers
         written = self._questions.write(tick, proof, awake, [peer.answered for peer in peers])
+        in_lockstep, send = self._clock == "lockstep", self._link.send
         for agent in awake:
             peer, message = peers[agent], written[agent]
-            if piped := self._clock == "lockstep" or not self._link.cast(agent, message):
+            if piped := in_lockstep or not self._link.cast(agent, message):
                 if peer.backlogged or not peer.room(len(message)):
                     continue
-                self._link.send(agent, message)
+                send(agent, message)
             peer.ask(tick, proof, message, now, piped)
             self._told += 1
             self._told_bytes += len(message)
@@ -297,7 +298,6 @@ class WorldServer(Swarm):
         peer = self.peers[agent]
         if peer.owes(self._now) and self._said.take_plain(agent, peer.process, data):
             peer.answer(self._now, self._proof)
-            self._reception.heard(agent)
             self._heard_bytes += len(data)
             return agent
         try:
