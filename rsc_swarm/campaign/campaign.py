@@ -13,14 +13,13 @@ from typing import Any, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from protocols.errors import SwarmError
 from rsc_swarm.campaign.flying import Failure, Plan, Tally, fly_task
 from rsc_swarm.campaign.kept import KeptError
 from rsc_swarm.campaign.shrinking import shrink
 from rsc_swarm.study.fingerprint import fingerprint, name_of
 from rsc_swarm.study.finished import Journal
 from rsc_swarm.study.machines import Crew
-from rsc_swarm.study.workers import WorkerError, executor_of
+from rsc_swarm.study.workers import executor_of, told_in_a_line
 
 _T = TypeVar("_T")
 _V = TypeVar("_V")
@@ -131,28 +130,22 @@ def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
 
 
 def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, crew: Crew, told: Told) -> Tally:
-    try:
-        with executor_of(crew, plan.mission) as executor:
-            tally = _sum(journal)
-            flying = {executor.submit(fly_task, plan, task): task for task in missing}
-            for future in _ended(flying):
-                task, flown = flying[future], future.result()
-                journal.flown(task, plan.size(task), flown)
-                tally.add(flown)
-                told(tally, 0)
-            tally = _sum(journal)  # in the order of tasks, whichever ended first
-            todo = [failure for failure in _first_of_each(tally) if failure.digest not in journal.shrunk]
-            told(tally, len(todo))
-            shrinking = {executor.submit(shrink, plan, failure): failure for failure in todo}
-            for left, shrunk in enumerate(_ended(shrinking), 1):
-                journal.shortened(shrinking[shrunk], shrunk.result())
-                told(tally, len(todo) - left)
-            return tally
-    except (SwarmError, KeyboardInterrupt):
-        raise
-    except Exception as error:
-        said = " ".join(str(error).split())
-        raise WorkerError(f"a worker broke: {type(error).__name__}: {said}; run it again to go on") from error
+    with told_in_a_line(), executor_of(crew, plan.mission) as executor:
+        tally = _sum(journal)
+        flying = {executor.submit(fly_task, plan, task): task for task in missing}
+        for future in _ended(flying):
+            task, flown = flying[future], future.result()
+            journal.flown(task, plan.size(task), flown)
+            tally.add(flown)
+            told(tally, 0)
+        tally = _sum(journal)  # in the order of tasks, whichever ended first
+        todo = [failure for failure in _first_of_each(tally) if failure.digest not in journal.shrunk]
+        told(tally, len(todo))
+        shrinking = {executor.submit(shrink, plan, failure): failure for failure in todo}
+        for left, shrunk in enumerate(_ended(shrinking), 1):
+            journal.shortened(shrinking[shrunk], shrunk.result())
+            told(tally, len(todo) - left)
+        return tally
 
 
 def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:

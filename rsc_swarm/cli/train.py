@@ -2,13 +2,14 @@
 
 import sys
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app, examples
+from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
 from rsc_swarm.machine.leaving import unwind_when_asked
 
 if TYPE_CHECKING:
@@ -18,14 +19,32 @@ if TYPE_CHECKING:
 _NEEDED = {"torch", "tensorboard", "onnx", "onnxruntime"}
 
 
+@dataclass(frozen=True)
+class Machines:
+    """Options that say where is trained."""
+
+    device: Annotated[str, typer.Option(help="auto, cpu or cuda; auto takes a GPU if there is one.")] = "auto"
+    threads: Annotated[int | None, typer.Option(min=1, help="Of torch. (one per processor)")] = None
+    on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="local:N|ADDRESS",
+            help="Fly on Dask workers instead: so many on this machine, or those of a scheduler, tcp://host:8786.",
+        ),
+    ] = None
+
+
 @app.command(
     epilog=examples(
         "train --horizon 20",
         "train --horizon 10 --preset paper --out training/paper-h10",
         "train --config mine.yaml --seed 2 --threads 1",
+        "train --parts 8 --on tcp://host:8786",
     )
 )
+@with_options
 def train(
+    machines: Machines,
     horizon: Annotated[int | None, typer.Option(metavar="H", help="Planned steps of 10 ms. (20)")] = None,
     preset: Annotated[
         str,
@@ -43,27 +62,35 @@ def train(
             help="Checkpoints, curves and model.onnx; goes on with what is there. (training/NAME-SEED)",
         ),
     ] = None,
-    device: Annotated[
-        str, typer.Option(help="auto, cpu or cuda; auto takes a GPU if there is one.")
-    ] = "auto",
-    threads: Annotated[int | None, typer.Option(min=1, help="Of torch. (one per processor)")] = None,
+    parts: Annotated[
+        int | None,
+        typer.Option(help="Parts in which an epoch's episodes are flown: one for each worker of --on. (1)"),
+    ] = None,
 ) -> None:
     """Train a policy by imitation of the expert and write it as a model file. Ctrl-C and the same command: goes on."""
     announce_compiling()
     from rsc_swarm.training.config import make_config
 
-    made = make_config(preset, config, horizon=horizon, seed=seed, epochs=epochs)
-    raise typer.Exit(_train(made, out, device, threads))
+    made = make_config(preset, config, horizon=horizon, seed=seed, epochs=epochs, parts=parts)
+    raise typer.Exit(_train(made, out, machines))
 
 
-def _train(config: "TrainingConfig", out: Path | None, device: str, threads: int | None) -> ExitCode:
+def _train(config: "TrainingConfig", out: Path | None, machines: Machines) -> ExitCode:
     """Train and say what came out.
 
     Raises:
-        TrainingError: a bad device or folder, or what training needs is not installed.
+        TrainingError: a bad device or folder, nobody to fly on, or what training needs is not installed.
+        rsc_swarm.study.machines.MachinesError, protocols.mission.document.MissionError: as rsc_swarm.study.machines.crew_of.
     """
+    from rsc_swarm.study.machines import Who, check_who, crew_of
     from rsc_swarm.training.config import TrainingError
 
+    who = Who(on=machines.on)
+    check_who(who)
+    if who.on and config.parts == 1:
+        raise TrainingError(
+            "--on: the episodes are flown in one part, so in one place; give --parts as well, such as 4"
+        )
     try:
         from rsc_swarm.training.dagger import train
     except ModuleNotFoundError as error:
@@ -75,8 +102,8 @@ def _train(config: "TrainingConfig", out: Path | None, device: str, threads: int
     folder = out or Path("training") / f"{config.name}-{config.seed}"
     progress = _Progress()
     try:
-        with unwind_when_asked(), closing(progress):
-            model = train(config, folder, device, threads, progress)
+        with unwind_when_asked(), closing(progress), crew_of(who) as crew:
+            model = train(config, folder, machines.device, machines.threads, progress, crew.executor)
     except KeyboardInterrupt:
         epoch = len(progress.curve) + 1
         kept = "the epochs before are" if epoch > 2 else "the first epoch is" if epoch == 2 else "nothing is"

@@ -174,7 +174,7 @@ def fly_all(
     """
     if not seeds:
         return
-    try:
+    with told_in_a_line():
         if executor:
             yield from _fly_elsewhere(executor, mission, seeds, workers)
         else:
@@ -184,16 +184,26 @@ def fly_all(
             )  # in each of them every worker flies as many
             batches = _batches(seeds, -(-len(seeds) // (workers * rounds)))
             yield from _fly_forked(mission, batches, min(workers, len(batches)))
-    except (SwarmError, GeneratorExit):
+
+
+@contextmanager
+def told_in_a_line() -> Iterator[None]:
+    """Whatever goes wrong with workers in this block becomes one line.
+
+    Raises:
+        WorkerError: a worker died or broke.
+    """
+    try:
+        yield
+    except SwarmError:
         raise
     except BrokenProcessPool:
         raise WorkerError("a worker died; run it again to go on") from None
     except CancelledError:
         raise WorkerError("the scheduler was lost; run it again to go on") from None
     except Exception as error:
-        raise WorkerError(
-            f"a worker broke: {type(error).__name__}: {' '.join(str(error).split())}"
-        ) from error
+        said = " ".join(str(error).split())
+        raise WorkerError(f"a worker broke: {type(error).__name__}: {said}; run it again to go on") from error
 
 
 def _fly_elsewhere(

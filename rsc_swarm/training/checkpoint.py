@@ -56,10 +56,12 @@ class TrainingFolder:
                 f"--out {self.path}: holds a training of another version; give another folder"
             )
         theirs, ours = _config_in(state, self._checkpoint), self._config.model_dump(mode="json")
-        if differing := [name for name in ours if theirs.get(name) != ours[name]]:
+        # A field that came later has its usual value in an older training.
+        theirs = TrainingConfig.model_construct().model_dump(mode="json") | theirs
+        if differing := [name for name in ours if theirs[name] != ours[name]]:
             name = differing[0]
             raise TrainingError(
-                f"--out {self.path}: holds a training with {name} {theirs.get(name)}, not {ours[name]}; "
+                f"--out {self.path}: holds a training with {name} {theirs[name]}, not {ours[name]}; "
                 "give another folder"
             )
         if not isinstance(state.get("curve"), list) or not isinstance(state.get("learner"), dict):

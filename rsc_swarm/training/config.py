@@ -74,6 +74,10 @@ class TrainingConfig(BaseModel):
         0.5, description="share of epochs flown with detours; without, it learns what to do where it stops"
     )
     worlds: Count = Field(64, description="episodes flown in step")
+    parts: Count = Field(
+        1,
+        description="parts in which they are flown, each with chance of its own, so that as many workers can fly at once",
+    )
     rounds: Count | None = Field(
         150, description="plans per epoch and world; each gives one graph of N samples; none: as 21 s hold"
     )
@@ -160,6 +164,8 @@ class TrainingConfig(BaseModel):
             )
         if self.width % self.heads:
             raise ValueError(f"width: {self.width} is not a multiple of {self.heads} heads")
+        if self.parts > self.worlds:
+            raise ValueError(f"parts: there are not so many episodes; give at most {self.worlds}")
         if self.replay < self.worlds * self.plans:
             raise ValueError(f"replay: holds less than an epoch; give at least {self.worlds * self.plans}")
         if self.plateau and not self.validation_maps:

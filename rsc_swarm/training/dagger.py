@@ -9,6 +9,7 @@ import math
 import os
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,9 @@ from agent.policy.model_file import note_of
 from rsc_swarm.batch.model_inputs import ModelInputs, model_inputs
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
+from rsc_swarm.training.elsewhere import fly_elsewhere
 from rsc_swarm.training.export import export
-from rsc_swarm.training.flying import fly, validation
+from rsc_swarm.training.flying import Flown, Part, fly, seeded, validation
 from rsc_swarm.training.learning import Half, Learner
 from rsc_swarm.training.network import TARGET_SIZE, make_network
 from rsc_swarm.training.replay import Replay
@@ -34,14 +36,22 @@ _SAVE_EVERY_S = 60.0
 _LEAST_EPOCHS = 10  # before anything is called a plateau
 
 
-def train(config: TrainingConfig, path: Path, device: str, threads: int | None, watcher: Watcher) -> Path:
+def train(
+    config: TrainingConfig,
+    path: Path,
+    device: str,
+    threads: int | None,
+    watcher: Watcher,
+    executor: Executor | None = None,
+) -> Path:
     """Train, or go on with the training in the folder ``path``; return the model file.
 
     Args:
-        device: auto, cpu or cuda. threads: of torch; one per processor if not given.
+        device: auto, cpu or cuda. threads: of torch; one per processor if not given. executor: its workers fly, instead of this
+            process; the model is the same.
 
     Raises:
-        TrainingError: no such device, or as TrainingFolder and export.
+        TrainingError: no such device, or as TrainingFolder and export. rsc_swarm.study.workers.WorkerError: a worker broke.
     """
     torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
     place = _device(device)
@@ -52,7 +62,7 @@ def train(config: TrainingConfig, path: Path, device: str, threads: int | None, 
     over = len(curve) == config.epochs or (config.plateau and on_plateau(config, curve))
     if over and folder.model.exists() and note_of(folder.model).exists():
         return folder.model
-    _seed(config, 0)
+    seeded(config, 0)
     learner, replay = Learner(config, make_network(config).to(place)), Replay(config, place)
     within = folder.load_within(len(curve))
     if state:
@@ -61,7 +71,7 @@ def train(config: TrainingConfig, path: Path, device: str, threads: int | None, 
     held_out = validation(config)
     with SummaryWriter(str(path), purge_step=len(curve)) as board:
         while len(curve) < config.epochs and not (config.plateau and on_plateau(config, curve)):
-            epoch = _Epoch(config, curve, learner, replay, folder, watcher)
+            epoch = _Epoch(config, curve, learner, replay, folder, watcher, executor)
             scalars = epoch.run(within)
             within = None
             if held_out:
@@ -114,10 +124,10 @@ class _Epoch:
 
     def __init__(
         self, config: TrainingConfig, curve: Sequence[Scalars], learner: Learner, replay: Replay,
-        folder: TrainingFolder, watcher: Watcher,
+        folder: TrainingFolder, watcher: Watcher, executor: Executor | None,
     ) -> None:  # fmt: skip
         self._config, self._number, self._learner, self._replay = config, len(curve), learner, replay
-        self._folder, self._watcher = folder, watcher
+        self._folder, self._watcher, self._executor = folder, watcher, executor
         self._mixing = mixing(config, self._number, sum(point["episodes"] for point in curve))
         self._saved_at = time.monotonic()
 
@@ -144,15 +154,9 @@ class _Epoch:
         }
 
     def _fly(self) -> Scalars:
-        config, done, begin = self._config, 0, time.monotonic()
-        rng = _seed(config, self._number + 1)
-
-        def step() -> None:
-            nonlocal done
-            done += 1
-            self._watcher.step(self._share(done))
-
-        flown = fly(config, self._learner.average, self._mixing, rng, self._replay, step)
+        config, begin = self._config, time.monotonic()
+        flown = self._fly_parts()
+        seeded(config, self._number + 1)  # for what is learned from them, whoever has flown
         if self._number == 0:
             self._learner.measure(self._replay.take(torch.arange(len(self._replay))))
         scalars = {
@@ -161,10 +165,10 @@ class _Epoch:
             "mixing": self._mixing,
             "flown_s": time.monotonic() - begin,
             "episodes": flown.episodes,
-            "flown_mae_constant_velocity_m": flown.mae_constant_velocity_m,
+            "flown_mae_constant_velocity_m": float(np.mean(flown.moved_m)),
         }
-        if flown.mae_m is not None:
-            scalars["flown_mae_m"] = flown.mae_m
+        if flown.errors_m:
+            scalars["flown_mae_m"] = float(np.mean(flown.errors_m))
         if flown.episodes:
             scalars["success"] = flown.succeeded / flown.episodes
             scalars["collision"] = flown.collided / flown.episodes
@@ -173,18 +177,27 @@ class _Epoch:
         self._save(scalars, nothing)
         return scalars
 
+    def _fly_parts(self) -> Flown:
+        config, policy, done = self._config, self._learner.average, 0
+
+        def step(rounds: int = 1) -> None:
+            nonlocal done
+            done += rounds
+            self._watcher.step(self._share(done / config.parts))
+
+        parts = [Part(config, self._number, number, self._mixing) for number in range(config.parts)]
+        if self._executor:
+            return fly_elsewhere(self._executor, parts, policy, self._replay, lambda: step(config.plans))
+        flown = Flown()
+        for part in parts:
+            flown.add(fly(part, policy, self._replay, step))
+        return flown
+
     def _save(self, flown: Scalars, half: Half) -> None:
         state = {"epoch": self._number, "flown": flown, "learner": self._learner.state(), **half._asdict()}
         self._folder.save_within(state)
         self._saved_at = time.monotonic()
         self._watcher.kept(half.done)
 
-    def _share(self, steps: int) -> float:
+    def _share(self, steps: float) -> float:
         return steps / (self._config.plans + self._config.updates)
-
-
-def _seed(config: TrainingConfig, part: int) -> np.random.Generator:
-    """Begin a part of the training: all chance in it comes from here."""
-    rng = np.random.default_rng([config.seed, part])
-    torch.manual_seed(int(rng.integers(2**62)))
-    return rng

@@ -1,12 +1,15 @@
 """The flown half of an epoch: episodes in step, by the policy or the expert, every state labelled by the expert.
 
+An epoch is flown in parts; a part is a function of what it is and of the policy, wherever it is flown.
+
 The expert flies on from a snapshot of each state, which is then restored; so its label is what it would do there,
 wherever the policy has brought the swarm (DAgger, Ross et al. 2011).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 import numpy as np
 import torch
@@ -31,13 +34,49 @@ _PLAIN, _HARD = Obstacles(), Obstacles(count=(12, 14))
 
 @dataclass
 class Flown:
-    """What an epoch's flights add up to."""
+    """What flights add up to. errors_m: of the policy's plans, before it learned from these flights, a mean a round; moved_m: the
+    same of flying on as now."""
 
     episodes: int = 0
     succeeded: int = 0
     collided: int = 0
-    mae_m: float | None = None  # of the policy's plans before it learned from these flights
-    mae_constant_velocity_m: float = 0.0
+    errors_m: list[np.floating[Any]] = field(default_factory=list)
+    moved_m: list[np.floating[Any]] = field(default_factory=list)
+
+    def add(self, other: "Flown") -> None:
+        """Count another's too."""
+        self.episodes += other.episodes
+        self.succeeded += other.succeeded
+        self.collided += other.collided
+        self.errors_m += other.errors_m
+        self.moved_m += other.moved_m
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of the parts in which the episodes of an epoch are flown. mixing: the share of plans that the expert flies."""
+
+    config: TrainingConfig
+    epoch: int
+    number: int
+    mixing: float
+
+    @property
+    def worlds(self) -> int:
+        """How many episodes it flies in step."""
+        return len(range(self.number, self.config.worlds, self.config.parts))
+
+    @property
+    def graphs(self) -> int:
+        """How many it adds to a replay."""
+        return self.worlds * self.config.plans
+
+
+def seeded(config: TrainingConfig, *place: int) -> np.random.Generator:
+    """Begin a part of the training: all chance in it, torch's too, comes from here."""
+    rng = np.random.default_rng([config.seed, *place])
+    torch.manual_seed(int(rng.integers(2**62)))
+    return rng
 
 
 @cache
@@ -62,31 +101,26 @@ def training_mission(config: TrainingConfig, rng: np.random.Generator, detour: b
     )
 
 
-def fly(
-    config: TrainingConfig,
-    policy: PolicyNetwork,
-    mixing: float,
-    rng: np.random.Generator,
-    replay: Replay,
-    each_round: Callable[[], None],
-) -> Flown:
-    """Fly one epoch's rounds and add all graphs to the replay. ``mixing``: the share of plans that the expert flies."""
+def fly(part: Part, policy: PolicyNetwork, replay: Replay, each_round: Callable[[], None]) -> Flown:
+    """Fly the rounds of one part of an epoch and add all graphs to the replay."""
+    config, worlds = part.config, part.worlds
+    rng = seeded(config, part.epoch + 1, *([part.number] if part.number else []))
     detour = bool(rng.random() < config.detour_share)
-    missions = [training_mission(config, rng, detour) for _ in range(config.worlds)]
+    missions = [training_mission(config, rng, detour) for _ in range(worlds)]
     batch = Batch(missions, papers=config.expert == "paper")
-    flown, errors, moved = Flown(), [], []
+    flown = Flown()
     for _ in range(config.plans):
         displacement, change = batch.label(config.horizon)
         samples = observed(batch, config, torch.from_numpy(change))
         replay.add(samples)
-        moved.append(np.abs(displacement).mean())
-        by_expert = rng.random(config.worlds) < mixing
+        flown.moved_m.append(np.abs(displacement).mean())
+        by_expert = rng.random(worlds) < part.mixing
         ticks = int(rng.integers(config.fly_ticks[0], config.fly_ticks[1] + 1))
         if by_expert.all():
             batch.fly(ticks)
         else:
             planned, acceleration = decide(policy, samples)
-            errors.append(np.abs(planned - displacement).mean())
+            flown.errors_m.append(np.abs(planned - displacement).mean())
             planned, acceleration = continued(planned, acceleration, ticks)
             batch.fly(ticks, acceleration, planned, by_expert)
         for world in np.flatnonzero(batch.stage.result != FLYING):
@@ -95,8 +129,6 @@ def fly(
             flown.collided += int(batch.stage.result[world] == COLLIDED)
             batch.restart(int(world), training_mission(config, rng, detour))
         each_round()
-    flown.mae_m = float(np.mean(errors)) if errors else None
-    flown.mae_constant_velocity_m = float(np.mean(moved))
     return flown
 
 

@@ -45,9 +45,10 @@ def mirrored(samples: Samples, flip: Tensor) -> Samples:
 class Replay:
     """Graphs in half precision on one device: what is learned from is noisier than that."""
 
-    def __init__(self, config: TrainingConfig, device: torch.device) -> None:
+    def __init__(self, config: TrainingConfig, device: torch.device, capacity: int | None = None) -> None:
+        """``capacity``: graphs; the config's, if not given."""
         drones, local = config.agents, TARGET_SIZE + (WIDE_SIZE if config.extra == "wide" else 0)
-        self.capacity = min(config.replay, config.epochs * config.plans * config.worlds)
+        self.capacity = capacity or min(config.replay, config.epochs * config.plans * config.worlds)
 
         def room(kind: torch.dtype, *shape: int) -> Tensor:
             return torch.empty(self.capacity, *shape, dtype=kind, device=device)
