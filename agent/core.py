@@ -31,6 +31,7 @@ from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.slots.seals import Stamps
 from protocols.slots.written import pack_slots
+from protocols.wire.planned import pack_plan
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -170,8 +171,12 @@ class AgentCore:
 
     def plans(self, tick: int) -> NDArray[np.float32] | None:
         """Where the rows plan to be, (A, P, 2) m, NaN where a row plans nothing; None with a policy that does not say."""
-        policy = self.policy
-        return policy.plans(tick) if isinstance(policy, Compiled) and hasattr(policy, "plans") else None
+        return self.policy.plans(tick) if isinstance(self.policy, Compiled) else None
+
+    def plan_of(self, tick: int) -> bytes:
+        """What the one row there is planned at this tick, as it travels (protocols.wire.planned); empty if it planned nothing."""
+        planned = self.policy.planned(0, tick) if isinstance(self.policy, Compiled) else None
+        return pack_plan(planned) if planned else b""
 
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""

@@ -52,6 +52,7 @@ class Drone:
             np.ones(1, np.bool_), body.sensed, self._air, self._start, self._hearing.believed
         )
         self._quick: QuickTicks | None = None
+        self._tell_plan: Callable[[bytes], None] | None = None
         self._tick = -1
 
     @property
@@ -77,6 +78,8 @@ class Drone:
         if said.sent[0]:
             self._radio.say(self._air.pack(own))
         self._radio.report(int(said.slot[0]), self.status() if is_due(tick, bool(said.changed)) else None)
+        if self._tell_plan:
+            self._tell_plan(self._core.plan_of(tick))
 
     def open(self) -> None:
         """Open what the policy needs, which takes a moment; else the first tick does it."""
@@ -86,6 +89,12 @@ class Drone:
         """What answers Ticks of a relayed world in one compiled call, wherever nothing rare happens (agent.quick)."""
         self._quick = QuickTicks(self._core, self._hearing, world, self.status)
         return self._quick.answer
+
+    def tell_plans(self, world: RelayedWorld) -> None:
+        """From now on let this world know what is planned; where Ticks are answered quickly, too."""
+        self._tell_plan = world.tell_plan
+        if self._quick:
+            self._quick.plan_of = self._core.plan_of
 
     def fly(self, clock: Clock) -> None:
         """Act at every tick until the flight is over."""
@@ -158,6 +167,8 @@ def fly(
         own, world = seals_of(seals, mission.agents, welcome.flight), clock.world
         drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, world, world, seals_of=own)
         clock.quick = drone.answer_quickly(world)
+        if welcome.watched:
+            drone.tell_plans(world)
         drone.fly(clock)
         clock.leave(drone.status())
     assert clock.ending is not None

@@ -12,13 +12,16 @@ from agent.policy.base import Compiled
 from agent.quick import Quick
 from agent.radio.hearing import Hearing
 from protocols.kernels import by_reference
-from protocols.wire.messages import MAX_FROM_DRONE, with_account
+from protocols.wire.messages import MAX_FROM_DRONE, with_account, with_plan
 from protocols.wire.rows import as_bytes
 from protocols.wire.status import STATUS_EVERY, AgentStatus
 
 
 class QuickTicks:
-    """Ticks of one drone in a relayed world, answered in one call."""
+    """Ticks of one drone in a relayed world, answered in one call.
+
+    plan_of: what was planned at a tick, packed, for those who look on; None where nobody does.
+    """
 
     def __init__(
         self, core: AgentCore, hearing: Hearing, world: RelayedWorld, status: Callable[[], AgentStatus]
@@ -30,6 +33,7 @@ class QuickTicks:
         self._answer_bytes, self._last_tick, self._asked = self._answer.data, self._last.data, self._size.data
         self._data: NDArray[np.uint8] | None = None  # where kernels read a Tick
         self._fly: Callable[[], int] | None = None
+        self.plan_of: Callable[[int], bytes] | None = None
 
     def _connect(self) -> None:
         core, sensed, world = self._core, self._world.sensed, self._world
@@ -71,5 +75,7 @@ class QuickTicks:
         if tick % STATUS_EVERY == 0:
             status = self._status()
             reply = with_account(reply, status)
+        if self.plan_of and (plan := self.plan_of(tick)):
+            reply = with_plan(reply, plan)
         self._world.answered(tick, reply, status)
         return reply

@@ -28,6 +28,8 @@ class Hosted:
         self.mission, self.world = mission, RelayedWorld(welcome.process)
         self.drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, self.world, self.world)
         self.quick = self.drone.answer_quickly(self.world)
+        if welcome.watched:
+            self.drone.tell_plans(self.world)
 
     def answer(self, asked: Tick) -> bytes:
         """One tick; where it is asked again, the same answer."""

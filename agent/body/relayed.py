@@ -79,6 +79,7 @@ class RelayedWorld:
         self._command, self._slot = (0.0, 0.0), 0
         self._frame: bytes | None = None
         self._status: AgentStatus | None = None
+        self._plan = b""
         self._told = -1  # the tick of the first reply that told it
         self._foresight = Foresight()
 
@@ -96,7 +97,7 @@ class RelayedWorld:
                 + missed.data[missed.heard_at :]
                 + asked.data[asked.heard_at :],
             )
-        self._asked, self._frame, self._begun = asked, None, False
+        self._asked, self._frame, self._plan, self._begun = asked, None, b"", False
         self.tick, self._answer = asked.tick, None
         if asked.followed >= self._told:
             self._status = None
@@ -115,11 +116,10 @@ class RelayedWorld:
 
     def reply(self) -> bytes:
         """What the drone has done since the tick began, packed; the same again until the next one."""
-        asked, (ax, ay) = self._asked, self._command
+        asked = self._asked
         if self._answer is None:
-            self._answer = messages.pack(
-                Reply(self.process, asked.tick, asked.proof, ax, ay, self._slot, self._frame, self._status)
-            )
+            does = *self._command, self._slot, self._frame, self._status, self._plan
+            self._answer = messages.pack(Reply(self.process, asked.tick, asked.proof, *does))
         return self._answer
 
     def farewell(self, status: AgentStatus) -> Farewell:
@@ -153,6 +153,10 @@ class RelayedWorld:
         self._slot = slot
         if status is not None:  # it is told again until the world follows an answer that told it
             self._status, self._told = status, self._asked.tick
+
+    def tell_plan(self, plan: bytes) -> None:
+        """Tell those who look on what was planned at this tick, packed; nothing, if that is empty."""
+        self._plan = plan
 
 
 class WorldClock:

@@ -10,6 +10,7 @@ from agent.memory import Memory
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.errors import ExitCode, SwarmError
+from protocols.wire.planned import Planned
 
 
 class PolicyError(SwarmError, ValueError):
@@ -112,6 +113,15 @@ class Compiled:
     def quickly(self, quick: Quick) -> Callable[[], int] | None:
         """What flies a drone's whole tick (agent.quick) and returns the Reply's size, or `RARE`; None if the policy has nothing
         like it. Not asked for before the first tick."""
+        return None
+
+    def plans(self, tick: int) -> NDArray[np.float32] | None:
+        """Where each row plans to be, (A, P, 2) m, NaN for what lies behind it as this tick begins, and where it has planned
+        nothing; None if it plans nothing ever. For those who look on; no drone asks for it."""
+        return None
+
+    def planned(self, row: int, tick: int) -> Planned | None:
+        """What row ``row`` planned at this tick, for those who look on; None if it planned nothing that lasts."""
         return None
 
     def act(self, seen: Seen) -> NDArray[np.float64]:

@@ -30,9 +30,9 @@ from protocols.dynamics import TICK_S
 from protocols.kernels import bound, by_reference
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
+from protocols.wire.planned import SHOWN, Planned
 
 _OUTPUTS = ["displacement", "acceleration"]
-SHOWN = 4  # points of a plan that are shown to people
 _ROWS = 32  # asked in one call; more would no longer fit the processor's caches
 
 
@@ -62,6 +62,7 @@ class Learned(Compiled):
         ):  # raw plans hold no accelerations to follow; an action is carried out as it is
             following = following._replace(required=facts.output == "raw")
         self._following = following
+        self._shown_after = np.ceil(np.linspace(0, facts.horizon, SHOWN + 1)).astype(np.int64)[1:]
         self._inputs = [name for name in facts.shapes if name not in _OUTPUTS]
         self.rounds = facts.rounds
         self._session: Any = None
@@ -129,18 +130,23 @@ class Learned(Compiled):
         take_plans(tick, first, arrays, self._planner, displacement, acceleration)
 
     def plans(self, tick: int) -> NDArray[np.float32]:
-        """Where each row plans to be at `SHOWN` moments, evenly over what it planned last: (A, SHOWN, 2) m. NaN for what lies
-        behind it as tick ``tick`` begins, and where it has planned nothing. For those who look on; no drone asks for it."""
-        plans, horizon = self._plans, self._plans.displacement.shape[1]
-        step = (
-            np.ceil(np.linspace(0, horizon, SHOWN + 1)).astype(np.int64)[1:] - 1
-        )  # p: p + 1 ticks after it was made
-        start, drift = plans.start[:, None, :2], plans.start[:, None, 2:] * (TICK_S * (step + 1))[:, None]
-        points = start + drift + plans.displacement[:, step]
-        ahead = plans.made_at[:, None] + step + 1 > tick
-        return np.where((ahead & (plans.made_at[:, None] != NEVER))[:, :, None], points, np.nan).astype(
-            np.float32
-        )
+        """As the base class: at P = `SHOWN` moments, evenly over what was planned last."""
+        made_at = self._plans.made_at[:, None]
+        ahead = (made_at + self._shown_after > tick) & (made_at != NEVER)
+        return np.where(ahead[:, :, None], self._places(slice(None)), np.float32(np.nan))
+
+    def planned(self, row: int, tick: int) -> Planned | None:
+        """As the base class; what is over with the tick itself is not worth telling."""
+        if self._plans.made_at[row] != tick or self._shown_after[-1] < 2:
+            return None
+        return Planned(self._shown_after.astype(np.uint16), self._places(slice(row, row + 1))[0])
+
+    def _places(self, rows: slice) -> NDArray[np.float32]:
+        """Where these rows planned last to be after ``_shown_after`` ticks: (R, SHOWN, 2) m."""
+        plans, after = self._plans, self._shown_after
+        drift = plans.start[rows, None, 2:] * (TICK_S * after)[:, None]
+        places = plans.start[rows, None, :2] + drift + plans.displacement[rows][:, after - 1]
+        return places.astype(np.float32)
 
     def forget(self, row: int) -> None:
         """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""

@@ -26,10 +26,11 @@ import msgpack
 from protocols.dynamics import ABSURD_MPS2
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.heard import pack_heard, unpack_heard
+from protocols.wire.planned import PLAN_BYTES
 from protocols.wire.sensed import DISC, MAX_NEAR, MAX_OBSTACLES, NEIGHBOUR, OWN_BYTES, Packed
 from protocols.wire.status import AgentStatus, parse_status
 
-VERSION = 7
+VERSION = 8
 WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
 SILENCE_LIMIT_S = (
     90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
@@ -47,8 +48,8 @@ TICK_MARK, REPLY_MARK = ord("T"), ord("R")
 #: Mark, obstacles sensed, neighbours sensed, tick, proof, followed, frames heard; then what is sensed (protocols.wire.sensed),
 #: then the frames (protocols.wire.heard).
 TICK_HEAD = struct.Struct("<BBHIIiI")
-#: Mark, process, tick, proof, slot, bytes of the frame, bytes of the account, ax, ay; then the frame, then the account.
-REPLY_HEAD = struct.Struct("<BxxxIIIHHHxxdd")
+#: Mark, process, tick, proof, slot, bytes of the frame, of the account, of the plan, ax, ay; then these three.
+REPLY_HEAD = struct.Struct("<BxxxIIIHHHHdd")
 
 
 class TickAt(NamedTuple):
@@ -73,6 +74,7 @@ class ReplyAt(NamedTuple):
     slot: int
     frame_size: int
     account_size: int
+    plan_size: int
     ax: int
     ay: int
 
@@ -100,7 +102,9 @@ class Ready(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """Acceleration (ax, ay) in m/s^2, the slot it holds, a broadcast frame when one is due, now and then its account."""
+    """Acceleration (ax, ay) in m/s^2, the slot it holds, a broadcast frame when one is due, now and then its account; what it has
+    planned now, if anything, packed, where somebody looks on (protocols.wire.planned).
+    """
 
     process: int
     tick: int
@@ -110,6 +114,7 @@ class Reply(NamedTuple):
     slot: int
     frame: bytes | None
     status: AgentStatus | None
+    plan: bytes = b""
 
 
 class Farewell(NamedTuple):
@@ -120,7 +125,7 @@ class Farewell(NamedTuple):
 class Welcome(NamedTuple):
     """``briefing``: as Mission.briefing. ``initial_slots``: one byte per agent. ``boot``: how often this drone was restarted.
     ``flight``: drawn for each flight; what a drone seals is good in this one only. ``datagram_key``: with which this process may
-    speak in datagrams too (protocols.wire.datagrams); empty: not at all.
+    speak in datagrams too (protocols.wire.datagrams); empty: not at all. ``watched``: somebody looks on, and wants to know plans.
     """
 
     process: int
@@ -129,6 +134,7 @@ class Welcome(NamedTuple):
     boot: int
     flight: bytes
     datagram_key: bytes
+    watched: bool
 
 
 class Tick(NamedTuple):
@@ -207,37 +213,44 @@ def pack(message: FromDrone | FromWorld) -> bytes:
 
 
 def _pack_reply(reply: Reply) -> bytes:
-    process, tick, proof, ax, ay, slot, frame, status = reply
+    process, tick, proof, ax, ay, slot, frame, status, plan = reply
     frame, account = frame or b"", b"" if status is None else msgpack.packb(status)
-    return (
-        REPLY_HEAD.pack(REPLY_MARK, process, tick, proof, slot, len(frame), len(account), ax, ay)
-        + frame
-        + account
-    )
+    sizes = len(frame), len(account), len(plan)
+    head = REPLY_HEAD.pack(REPLY_MARK, process, tick, proof, slot, *sizes, ax, ay)
+    return head + frame + account + plan
 
 
 def with_account(reply: bytes, status: AgentStatus) -> bytes:
-    """This packed Reply, which holds no account, with one."""
-    account: bytes = msgpack.packb(status)
-    size = len(account).to_bytes(2, "little")
-    at = REPLY_AT.account_size
-    return reply[:at] + size + reply[at + len(size) :] + account
+    """This packed Reply, which holds neither account nor plan, with the one."""
+    return _with(reply, REPLY_AT.account_size, msgpack.packb(status))
+
+
+def with_plan(reply: bytes, plan: bytes) -> bytes:
+    """This packed Reply, which holds no plan, with one."""
+    return _with(reply, REPLY_AT.plan_size, plan)
+
+
+def _with(reply: bytes, size_at: int, part: bytes) -> bytes:
+    size = len(part).to_bytes(2, "little")
+    return reply[:size_at] + size + reply[size_at + len(size) :] + part
 
 
 def _unpack_reply(data: bytes, agents: int) -> Reply:
     if len(data) < REPLY_HEAD.size:
         raise MessageError("Reply: too short")
-    _, process, tick, proof, slot, frame_size, account_size, ax, ay = REPLY_HEAD.unpack_from(data)
+    _, process, tick, proof, slot, frame_size, account_size, plan_size, ax, ay = REPLY_HEAD.unpack_from(data)
     account_at = REPLY_HEAD.size + frame_size
-    if account_at + account_size != len(data):
+    plan_at = account_at + account_size
+    if plan_at + plan_size != len(data) or plan_size not in (0, PLAN_BYTES):
         raise MessageError("Reply: not as long as it says")
     if slot >= agents or tick > MAX_TICK:
         raise MessageError("Reply: no such slot or tick")
     if not (abs(ax) <= ABSURD_MPS2 and abs(ay) <= ABSURD_MPS2):
         raise MessageError("not a command")
     frame = data[REPLY_HEAD.size : account_at] if 0 < frame_size <= MAX_FRAME_BYTES else None
-    status = _status(_msgpack(data[account_at:], **_FROM_DRONE), agents) if account_size else None
-    return Reply(process, tick, proof, ax, ay, slot, frame, status)
+    account = data[account_at:plan_at]
+    status = _status(_msgpack(account, **_FROM_DRONE), agents) if account else None
+    return Reply(process, tick, proof, ax, ay, slot, frame, status, data[plan_at:])
 
 
 def _unpack_tick(data: bytes) -> Tick:
@@ -322,7 +335,7 @@ def unpack_from_world(data: bytes) -> FromWorld:
         return _unpack_tick(data)
     kind, fields = _unpack(data)
     if kind is Welcome:
-        _typed(fields, int, dict, bytes, int, bytes, bytes)
+        _typed(fields, int, dict, bytes, int, bytes, bytes, bool)
         if len(fields[4]) != FLIGHT_BYTES:
             raise MessageError("not a flight's name")
         return Welcome(*fields)

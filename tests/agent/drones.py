@@ -17,7 +17,7 @@ from tests.loopback import Hosted
 
 MISSION = parse_mission({"agents": 6})
 ME = 2
-WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0, bytes(8), b"")
+WELCOME = Welcome(0, MISSION.briefing(), bytes(range(6)), 0, bytes(8), b"", False)
 POLICY = "rsc-h20"
 
 

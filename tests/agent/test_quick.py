@@ -71,7 +71,7 @@ def test_a_tick_in_one_call_is_answered_as_any_other_is(policy: str) -> None:
 
 def test_a_tick_that_is_cut_off_is_not_answered_at_once() -> None:
     mission = parse_mission({"agents": 6, "policy": "analytic"})
-    one = Hosted(mission, ME, Welcome(0, mission.briefing(), bytes(range(6)), 0, bytes(8), b""))
+    one = Hosted(mission, ME, Welcome(0, mission.briefing(), bytes(range(6)), 0, bytes(8), b"", False))
     sensed = SensedPacker(empty_sensed(1)).pack(0)
     one.answer(make_tick(1, 0, 0, sensed))
     whole = make_tick(2, 0, 1, sensed, [1], [b"frame"]).data
@@ -83,7 +83,7 @@ def test_a_tick_that_is_cut_off_is_not_answered_at_once() -> None:
 @pytest.mark.parametrize(("tick", "followed"), [(7, 6), (8, 6), (8, -1)], ids=["flown", "late", "never"])
 def test_what_is_rare_is_not_done_at_once(tick: int, followed: int) -> None:
     mission = parse_mission({"agents": 6, "policy": "analytic"})
-    one = Hosted(mission, ME, Welcome(0, mission.briefing(), bytes(range(6)), 0, bytes(8), b""))
+    one = Hosted(mission, ME, Welcome(0, mission.briefing(), bytes(range(6)), 0, bytes(8), b"", False))
     sensed = SensedPacker(empty_sensed(1)).pack(0)
     assert one.quick(make_tick(6, 0, 5, sensed).data) is None, "the first"
     one.answer(make_tick(6, 0, 5, sensed))

@@ -40,6 +40,7 @@ from protocols.wire.nature import Nature, pack_nature, pack_status
 from protocols.wire.operator import Order as OperatorOrder
 from protocols.wire.operator import Word, pack_word
 from protocols.wire.pieces import cut
+from protocols.wire.planned import PLAN_BYTES
 from protocols.wire.sensed import SensedPacker, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from protocols.wire.vehicles import (
@@ -122,6 +123,7 @@ def from_drone() -> Iterator[bytes]:
     yield made(Ready, process=messages.MAX_PROCESS)
     yield pack(Reply(7, 3, 9, 0.5, -0.5, 5, b"frame", None))
     yield pack(Reply(7, 0, 0, 0.0, 0.0, 0, None, _STATUS))
+    yield pack(Reply(7, 0, 0, 0.0, 0.0, 0, b"frame", _STATUS, bytes(PLAN_BYTES)))
     yield made(Farewell, process=7, status=_STATUS)
 
 
@@ -136,6 +138,7 @@ def from_world() -> Iterator[bytes]:
         boot=1,
         flight=bytes(8),
         datagram_key=b"",
+        watched=True,
     )
     said = list(frames())
     yield pack(make_tick(3, 9, 2, SensedPacker(rows).pack(0), range(len(said)), said))

@@ -22,6 +22,7 @@ from protocols.wire.messages import (
     Welcome,
     make_tick,
 )
+from protocols.wire.planned import PLAN_BYTES
 from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES, SensedPacker, SensedReader, empty_sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus, parse_status
 
@@ -33,10 +34,11 @@ FROM_DRONE = [
     Ready(messages.MAX_PROCESS),
     Reply(7, 3, 9, 0.5, -0.5, 5, b"frame", None),
     Reply(7, 0, 9, 0.0, 0.0, 0, None, STATUS),
+    Reply(7, 0, 9, 0.0, 0.0, 0, b"frame", STATUS, bytes(PLAN_BYTES)),
     Farewell(7, STATUS),
 ]
 FROM_WORLD = [
-    Welcome(7, {"agents": 6}, bytes(6), 1, bytes(8), bytes(32)),
+    Welcome(7, {"agents": 6}, bytes(6), 1, bytes(8), bytes(32), True),
     make_tick(3, 9, 2, (bytes(32), bytes(40), b""), [1], [b"frame"]),
     Wait(),
     Bye(),
@@ -93,6 +95,7 @@ def deep(levels: int) -> bytes:
         messages.pack(Reply(7, 2**31, 9, 0.0, 0.0, 5, None, None)),
         messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, None, STATUS._replace(slot=-1))),
         messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, None, 5)),  # type: ignore[arg-type]
+        messages.pack(Reply(7, 3, 9, 0.0, 0.0, 5, None, None, bytes(PLAN_BYTES - 1))),
         messages.pack(Farewell(7, STATUS._replace(view=b"short"))),
     ],
 )

@@ -50,9 +50,10 @@ class Peer:
         self._asked_at = -math.inf
 
     def restart(self) -> None:
-        """Its process has ended, and a new one will come."""
+        """Its process has ended, and a new one will come, which owes no answers."""
         self._begin_anew()
         self._read_bytes = self._sent_bytes
+        self.excuse()
 
     def _begin_anew(self) -> None:
         self.boot += 1

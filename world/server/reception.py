@@ -13,12 +13,18 @@ _UNKNOWN = "the world does not know this process: it has been started anew"
 
 
 class Reception:
-    """For the drones behind ``peers``, in one flight; ``briefing`` and ``initial_slots`` as in Welcome."""
+    """For the drones behind ``peers``, in one flight; ``briefing``, ``initial_slots`` and ``watched`` as in Welcome."""
 
     def __init__(
-        self, link: Link, peers: Sequence[Peer], briefing: dict[str, Any], initial_slots: bytes
+        self,
+        link: Link,
+        peers: Sequence[Peer],
+        briefing: dict[str, Any],
+        initial_slots: bytes,
+        watched: bool = False,
     ) -> None:
         self._link, self._peers, self._briefing, self._initial_slots = link, peers, briefing, initial_slots
+        self._watched = watched
         self._flight = secrets.token_bytes(messages.FLIGHT_BYTES)
         self._refused: set[int] = set()
 
@@ -41,9 +47,17 @@ class Reception:
         if not peer.knock(hello.process, now_s, paused) or peer.ready:
             return False
         key = self._link.offer(agent, hello.process) or b""
-        told = self._briefing, self._initial_slots, peer.boot, self._flight, key
+        told = self._briefing, self._initial_slots, peer.boot, self._flight, key, self._watched
         self.send(agent, messages.Welcome(hello.process, *told))
         return True
+
+    def refuse_version(self, agent: int, hello: messages.Hello) -> str | None:
+        """Refuse a process that speaks another version than the world: how it is told so; None if it speaks the same."""
+        if hello.version == messages.VERSION:
+            return None
+        wrong = f"agent {agent} speaks version {hello.version} of the messages, the world {messages.VERSION}"
+        self.send(agent, messages.Refused(hello.process, wrong))
+        return wrong
 
     def heard(self, agent: int) -> None:
         """This drone was heard, so whoever knocked meanwhile is not the drone."""

@@ -15,6 +15,7 @@ from protocols.wire.rows import as_bytes, bytes_of, get_number, put_bytes
 from protocols.wire.status import AgentStatus
 from world.core import Answers, WorldCore
 from world.liars import Liars
+from world.server.plans import Plans
 from world.server.questions import Frames, empty_frames
 
 _HEAD_BYTES = REPLY_HEAD.size
@@ -81,12 +82,12 @@ class Said:
     """By the N drones of one world. Who says nothing keeps its command and its slot.
 
     Attributes:
-        command: (N, 2) [m/s^2]. frames: what they sent.
+        command: (N, 2) [m/s^2]. frames: what they sent. plans: what they plan, for those who look on.
     """
 
     def __init__(self, core: WorldCore) -> None:
         self._agents, self._ring, self._first = core.shape[1], core.ring, 0
-        self.frames, self._liars = empty_frames(core), Liars(core)
+        self.frames, self.plans, self._liars = empty_frames(core), Plans(core), Liars(core)
         self.command, self._sent_bytes = np.zeros((self._agents, 2)), np.zeros(self._agents, np.int64)
         self._claim = core.claim[0].astype(np.int64)
         # The same numbers, to be filled one by one.
@@ -127,6 +128,8 @@ class Said:
         self._claim_of[agent] = reply.slot
         if reply.status is not None:
             self._accounts.append((agent, reply.status))
+        if reply.plan:
+            self.plans.take(agent, reply.tick, reply.plan)
         if reply.frame is not None:
             place, size = self._first + agent, len(reply.frame)
             self._frame_of[place * MAX_FRAME_BYTES : place * MAX_FRAME_BYTES + size] = reply.frame

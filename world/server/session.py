@@ -16,6 +16,7 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
@@ -67,7 +68,7 @@ class WorldServer(Swarm):
         self.director = Director(self.core, self)
         self.peers = [Peer() for _ in range(mission.agents)]
         slots = bytes(self.core.initial_slots[0].astype(np.uint8))
-        self._reception = Reception(link, self.peers, mission.briefing(), slots)
+        self._reception = Reception(link, self.peers, mission.briefing(), slots, onlooker is not None)
         self._said = Said(self.core)
         self._questions = Questions(self.core, self._said.frames)
         self._farewells: dict[int, AgentStatus] = {}
@@ -148,7 +149,7 @@ class WorldServer(Swarm):
         if event.fault.kind == "restart":
             for agent in event.agents:
                 self.peers[agent].restart()
-                self.peers[agent].excuse()
+                self._said.plans.forget(agent)
         self._control.apply(event.fault.kind, event.agents)
 
     def struck_off(self, row: int) -> None:
@@ -184,6 +185,10 @@ class WorldServer(Swarm):
             self._receive(messages.WAIT_EVERY_S)
             waiting.difference_update(self._farewells, (lost.agent for lost in self._control.lost()))
         return sorted(self._farewells.items())
+
+    def plans(self, world: int) -> NDArray[np.float32] | None:
+        """As far as drones have told: they do where somebody looks on."""
+        return self._said.plans.ahead(self.director.clock)
 
     # What the world says.
 
@@ -290,8 +295,7 @@ class WorldServer(Swarm):
 
     def _receive(self, timeout_s: float) -> int | None:
         """Take in one message; return its sender, or None if none came in time or it was none of a drone of this flight."""
-        received = self._link.receive(timeout_s)
-        return None if received is None else self._take(*received)
+        return self._take(*received) if (received := self._link.receive(timeout_s)) else None
 
     def _take(self, agent: int, data: bytes) -> int | None:
         """Take in a message; return its sender, or None if it was none of a drone of this flight."""
@@ -327,11 +331,7 @@ class WorldServer(Swarm):
         return agent
 
     def _greet(self, agent: int, hello: messages.Hello) -> None:
-        if hello.version != messages.VERSION:
-            wrong = (
-                f"agent {agent} speaks version {hello.version} of the messages, the world {messages.VERSION}"
-            )
-            self._reception.send(agent, messages.Refused(hello.process, wrong))
+        if wrong := self._reception.refuse_version(agent, hello):
             if not self._started:
                 raise ServerError(wrong)  # no single drone ends a flight that has begun
         elif not self.core.flying[0, agent]:
