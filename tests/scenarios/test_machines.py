@@ -30,7 +30,7 @@ class Murderer(Watcher):
         self.victim.kill()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def dask(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[tuple[str, list[subprocess.Popen[bytes]]]]":
     """A scheduler and two workers, a process each."""
     folder = tmp_path_factory.mktemp("dask")
@@ -75,6 +75,36 @@ def test_what_a_killed_worker_had_is_flown_by_another(
     with pytest.raises(MachinesError, match=r"worker tcp://\S+ has other code \(\w{16}\) than this command"):  # noqa: SIM117
         with crew_of(Who(on=address)):
             pass
+
+
+def test_a_training_whose_flights_others_fly_comes_to_the_same_weights(
+    dask: "tuple[str, list[subprocess.Popen[bytes]]]", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though a worker is killed amid an epoch."""
+    torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+    from rsc_swarm.training import dagger
+    from rsc_swarm.training.config import TrainingConfig
+    from rsc_swarm.training.watcher import Nobody
+    from tests.training.conftest import TINY
+
+    address, crew = dask
+    config = TrainingConfig(**{**TINY, "parts": 3})
+    monkeypatch.setattr(dagger, "export", lambda *_: None)
+
+    class Murderous(Nobody):
+        def step(self, share: float) -> None:
+            crew[0].kill()
+
+    dagger.train(config, tmp_path / "here", "cpu", 1, Nobody())
+    with crew_of(Who(on=address)) as there:
+        dagger.train(config, tmp_path / "there", "cpu", 1, Murderous(), there.executor)
+    assert crew[0].wait() != 0
+    learned = [
+        torch.load(tmp_path / place / "checkpoint.pt", weights_only=True)["learner"]["average"]
+        for place in ("here", "there")
+    ]
+    for name, here in learned[0].items():
+        assert torch.equal(here, learned[1][name]), name
 
 
 def test_a_worker_with_another_policy_of_that_name_flies_nothing(

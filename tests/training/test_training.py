@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
 from rsc_swarm.training.dagger import mixing, on_plateau, train
-from rsc_swarm.training.flying import training_mission
+from rsc_swarm.training.elsewhere import OtherMachineError, Planner, fly_there
+from rsc_swarm.training.flying import Part, fly, training_mission
 from rsc_swarm.training.learning import Learner, penalty
 from rsc_swarm.training.network import make_network
 from rsc_swarm.training.replay import Replay, Samples, mirrored
@@ -118,6 +120,53 @@ def test_a_stopped_training_goes_on_to_the_same_weights(
     assert curve[-1]["flown_mae_m"] > 0
 
 
+def test_an_epochs_parts_are_flown_by_others_to_the_same_weights(tiny, tmp_path, unexported):
+    config = tiny.model_copy(update={"parts": 2, "dropout": 0.1})
+    train(config, tmp_path / "here", "cpu", 1, Nobody())
+    with ThreadPoolExecutor(1) as others:
+        train(config, tmp_path / "there", "cpu", 1, Nobody(), others)
+    for name, here in weights(tmp_path / "here").items():
+        assert torch.equal(here, weights(tmp_path / "there")[name]), name
+    curves = [
+        [json.loads(line) for line in (tmp_path / place / "curve.jsonl").read_text().splitlines()]
+        for place in ("here", "there")
+    ]
+    for here, there in zip(*curves, strict=True):
+        times = {"flown_s", "learned_s"}
+        assert {name: here[name] for name in here.keys() - times} == {
+            name: there[name] for name in there.keys() - times
+        }
+        assert here["graphs"] % (config.worlds * config.plans) == 0
+
+
+def test_every_part_has_chance_of_its_own(tiny):
+    config = tiny.model_copy(update={"parts": 2})
+    flown = []
+    for number, worlds in ((0, 2), (1, 1)):
+        part = Part(config, 0, number, 1.0)
+        replay = Replay(config, torch.device("cpu"), part.graphs)
+        fly(part, make_network(config).eval(), replay, lambda: None)
+        assert len(replay) == part.graphs == worlds * config.plans
+        flown.append(replay.newest(part.graphs).observation)
+    assert not torch.equal(flown[0][:1], flown[1][:1])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        ({"torch": "0.1"}, "has torch .*, not 0.1 as this command: install the same"),
+        (
+            {"device": "cuda"},
+            "has no GPU, as this command does: start workers where one is, or give --device cpu",
+        ),
+    ],
+)
+def test_a_worker_that_would_plan_otherwise_flies_nothing(tiny, wrong, complaint):
+    planner = Planner({}, torch.__version__, 1, "cpu")._replace(**wrong)
+    with pytest.raises(OtherMachineError, match=complaint):
+        fly_there(Part(tiny, 0, 0, 1.0), planner)
+
+
 def test_the_papers_expert_flies_less_and_less_by_the_episodes_there_were():
     config = make_config("paper", None)
     assert [round(mixing(config, 0, n), 3) for n in (0, 1000, 1001, 1100, 1230, 4000)] == [
@@ -172,6 +221,17 @@ def test_another_seed_gives_other_weights(tiny, tmp_path, unexported):
     assert not torch.equal(first, second)
 
 
+def test_a_training_from_before_a_field_was_there_goes_on(tiny, tmp_path, unexported):
+    train(tiny.model_copy(update={"epochs": 1}), tmp_path, "cpu", 1, Nobody())
+    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    older = json.loads(state["config"])
+    del older["parts"]
+    torch.save({**state, "config": json.dumps(older)}, tmp_path / "checkpoint.pt")
+    assert TrainingFolder(tmp_path, tiny.model_copy(update={"epochs": 1})).load()
+    with pytest.raises(TrainingError, match="holds a training with parts 1, not 3; give another folder"):
+        TrainingFolder(tmp_path, tiny.model_copy(update={"epochs": 1, "parts": 3})).load()
+
+
 def test_a_folder_with_another_training_is_refused(tiny, tmp_path, unexported):
     short = tiny.model_copy(update={"epochs": 1})
     train(short, tmp_path, "cpu", 1, Nobody())
@@ -195,6 +255,12 @@ def test_a_damaged_checkpoint_is_one_line(tiny, tmp_path, unexported, damage):
         ("train --horizon 0", "horizon: input should be greater than or equal to 1, not 0"),
         ("train --config /nowhere.yaml", "/nowhere.yaml: cannot be read"),
         ("train --device abacus", "--device abacus: give auto, cpu or cuda"),
+        ("train --parts 65", "parts: there are not so many episodes; give at most 64"),
+        (
+            "train --on local:2",
+            "--on: the episodes are flown in one part, so in one place; give --parts as well",
+        ),
+        ("train --parts 2 --on nowhere", "--on nowhere: give local:4"),
         ("train --out /proc/training", "--out /proc/training: cannot be written"),
     ],
 )
