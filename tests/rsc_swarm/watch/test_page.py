@@ -33,6 +33,33 @@ def pause_at_once(address: str) -> None:
             pass
 
 
+def field(page: Page) -> str:
+    """What is drawn of the field, a few frames from now."""
+    frames = page.value("page.frames()")
+    page.until(f"page.frames() > {frames + 3}")
+    return str(page.value("document.getElementById('field').toDataURL()"))
+
+
+def test_plans_of_a_launch_are_drawn() -> None:
+    """Each drone's process has told its own."""
+    words = ["--agents", "4", "--policy", "rsc-h20", "--set", "fly_s=20", "--view"]
+    of_drone = "newest.plans.points.slice(8 * drone, 8 * drone + 8)"
+    planning = f"[0, 1, 2, 3].filter((drone) => {of_drone}.some(Number.isFinite)).length"
+    with browser() as chromium, command("launch", *words) as (_, address):
+        page = Page(chromium, address)
+        page.until("page.recording.pictures.length > 3")
+        page.until(
+            f"(() => {{ const {{ newest }} = page.recording; return newest.plans.ahead && {planning} === 4; }})()"
+        )
+        page.page.keyboard.press("Space")
+        with_plans = field(page)
+        page.page.keyboard.press("6")
+        without = field(page)
+        page.page.keyboard.press("6")
+        assert field(page) == with_plans != without
+        assert page.complaints == []
+
+
 def test_a_flight_in_the_browser(tmp_path: Path) -> None:
     run = tmp_path / "run"
     mission = ["--mission", "lost-agent", "--map", "13", "--set", "radio.loss=0.1", "--set", "fly_s=8"]
