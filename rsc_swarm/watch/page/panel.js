@@ -31,11 +31,14 @@ function hears(moment, drone) {
 
 export class Panel {
   constructor(aside, go, choose) {
-    Object.assign(this, { aside, go, choose, key: "" });
+    Object.assign(this, { aside, go, choose, held: false });
+    // What is under a finger stays there until it is lifted: else no click would be one.
+    aside.addEventListener("pointerdown", () => { this.held = true; });
+    for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => { this.held = false; });
   }
 
   show(recording, moment, marks, chosen) {
-    if (!recording.scene || !moment) return;
+    if (!recording.scene || !moment || this.held) return;
     const one = chosen.size === 1 ? [...chosen][0] : -1;
     const content = one >= 0 ? this.drone(recording.scene, moment, one) : this.swarm(recording, moment, marks, chosen);
     const scroll = this.aside.scrollTop;

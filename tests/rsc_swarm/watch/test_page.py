@@ -111,6 +111,8 @@ def test_a_flight_in_the_browser(tmp_path: Path) -> None:
             page.click_drone(7)
             page.until("document.getElementById('panel').textContent.includes('its view is right')")
             keep(page, "view-drone.png")
+            page.page.click("#panel h2 button", delay=400)  # longer than a panel stays the same
+            page.until("page.chosen.size === 0")
             page.page.keyboard.press("Home")
             assert page.value("page.play.time") == 0
             page.page.keyboard.press("?")
