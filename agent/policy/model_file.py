@@ -17,6 +17,7 @@ from agent.observation import WIDE_SIZE
 from protocols.errors import SwarmError
 from protocols.mission.document import explain
 from protocols.wire.frames import OBSERVATION_SIZE
+from protocols.wire.planned import LONGEST
 
 FORMAT = "rsc-swarm-policy"
 SHIPPED = Path(__file__).parent / "models"
@@ -40,7 +41,7 @@ class ModelNote(BaseModel):
     version: Literal["1"]
     features: Literal["1"] = Field(description="version of the observation")
     kind: Literal["rsc", "stgnn"]
-    horizon: Annotated[int, Field(ge=1, le=1000)]
+    horizon: Annotated[int, Field(ge=1, le=LONGEST)]
     past: Annotated[int, Field(ge=1, le=100)]
     neighbours: Annotated[int, Field(ge=1, le=100)]
     aggregation: Literal["ticks", "hops"] = "ticks"

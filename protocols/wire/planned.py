@@ -1,6 +1,6 @@
 """What a drone plans, as it tells those who look on: a few points of its way. Nothing that flies depends on it.
 
-A plan that lies is drawn at worst a little beside its own drone (`is_near`).
+A plan that lies is drawn at worst where its own drone could be (`is_near`).
 """
 
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from protocols.dynamics import TICK_S
 
 SHOWN = 4  # points
+LONGEST = 1000  # ticks; nobody plans further ahead
 _LAYOUT = np.dtype([("after", "<u2", SHOWN), ("place", "<f4", (SHOWN, 2))])
 PLAN_BYTES = _LAYOUT.itemsize
 _BESIDE_M = 1.0
@@ -40,4 +41,5 @@ def is_near(planned: Planned, position: NDArray[np.float64], speed_mps: float) -
     """Whether these are places for a drone that is at ``position`` (2,) m and flies at most that fast: no farther than it is
     then at twice its speed, and a metre."""
     far_m = np.linalg.norm(planned.place - position, axis=1)
-    return bool((far_m <= 2 * speed_mps * TICK_S * planned.after + _BESIDE_M).all())
+    near = far_m <= 2 * speed_mps * TICK_S * planned.after + _BESIDE_M
+    return bool((near & (planned.after <= LONGEST)).all())
