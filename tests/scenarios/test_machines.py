@@ -85,7 +85,7 @@ def test_a_training_whose_flights_others_fly_comes_to_the_same_weights(
     from rsc_swarm.training import dagger
     from rsc_swarm.training.config import TrainingConfig
     from rsc_swarm.training.watcher import Nobody
-    from tests.training.conftest import TINY
+    from tests.training.conftest import TINY, weights
 
     address, crew = dask
     config = TrainingConfig(**{**TINY, "parts": 3})
@@ -99,12 +99,8 @@ def test_a_training_whose_flights_others_fly_comes_to_the_same_weights(
     with crew_of(Who(on=address)) as there:
         dagger.train(config, tmp_path / "there", "cpu", 1, Murderous(), there.executor)
     assert crew[0].wait() != 0
-    learned = [
-        torch.load(tmp_path / place / "checkpoint.pt", weights_only=True)["learner"]["average"]
-        for place in ("here", "there")
-    ]
-    for name, here in learned[0].items():
-        assert torch.equal(here, learned[1][name]), name
+    for name, here in weights(tmp_path / "here").items():
+        assert torch.equal(here, weights(tmp_path / "there")[name]), name
 
 
 def test_a_worker_with_another_policy_of_that_name_flies_nothing(

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 import torch
 
+from rsc_swarm.training import dagger
 from rsc_swarm.training.config import TrainingConfig
 
 TINY: dict[str, Any] = {
@@ -33,3 +34,13 @@ def tiny() -> TrainingConfig:
 def _one_thread() -> None:
     """Tests share their processors with others; torch's threads wait for each other."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture
+def unexported(monkeypatch):
+    """No model is written: its check opens a session of ONNX Runtime, and this process may fork later."""
+    monkeypatch.setattr(dagger, "export", lambda *_: None)
+
+
+def weights(folder):
+    return torch.load(folder / "checkpoint.pt", weights_only=True)["learner"]["average"]

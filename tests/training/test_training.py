@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -16,13 +15,12 @@ from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
 from rsc_swarm.training.dagger import mixing, on_plateau, train
-from rsc_swarm.training.elsewhere import OtherMachineError, Planner, fly_there
-from rsc_swarm.training.flying import Part, fly, training_mission
+from rsc_swarm.training.flying import training_mission
 from rsc_swarm.training.learning import Learner, penalty
 from rsc_swarm.training.network import make_network
 from rsc_swarm.training.replay import Replay, Samples, mirrored
 from rsc_swarm.training.watcher import Nobody
-from tests.training.conftest import TINY
+from tests.training.conftest import TINY, weights
 
 
 class Stopping(Nobody):
@@ -44,16 +42,6 @@ class Stopping(Nobody):
     def step(self, share):
         if self.done == 1 and share > self.share:
             raise KeyboardInterrupt
-
-
-@pytest.fixture
-def unexported(monkeypatch):
-    """No model is written: its check opens a session of ONNX Runtime, and this process may fork later."""
-    monkeypatch.setattr(dagger, "export", lambda *_: None)
-
-
-def weights(folder):
-    return torch.load(folder / "checkpoint.pt", weights_only=True)["learner"]["average"]
 
 
 def test_the_loss_falls(tiny):
@@ -118,53 +106,6 @@ def test_a_stopped_training_goes_on_to_the_same_weights(
     assert [point["epoch"] for point in curve] == [0, 1, 2]
     assert curve[-1]["updates"] == 36
     assert curve[-1]["flown_mae_m"] > 0
-
-
-def test_an_epochs_parts_are_flown_by_others_to_the_same_weights(tiny, tmp_path, unexported):
-    config = tiny.model_copy(update={"parts": 2, "dropout": 0.1})
-    train(config, tmp_path / "here", "cpu", 1, Nobody())
-    with ThreadPoolExecutor(1) as others:
-        train(config, tmp_path / "there", "cpu", 1, Nobody(), others)
-    for name, here in weights(tmp_path / "here").items():
-        assert torch.equal(here, weights(tmp_path / "there")[name]), name
-    curves = [
-        [json.loads(line) for line in (tmp_path / place / "curve.jsonl").read_text().splitlines()]
-        for place in ("here", "there")
-    ]
-    for here, there in zip(*curves, strict=True):
-        times = {"flown_s", "learned_s"}
-        assert {name: here[name] for name in here.keys() - times} == {
-            name: there[name] for name in there.keys() - times
-        }
-        assert here["graphs"] % (config.worlds * config.plans) == 0
-
-
-def test_every_part_has_chance_of_its_own(tiny):
-    config = tiny.model_copy(update={"parts": 2})
-    flown = []
-    for number, worlds in ((0, 2), (1, 1)):
-        part = Part(config, 0, number, 1.0)
-        replay = Replay(config, torch.device("cpu"), part.graphs)
-        fly(part, make_network(config).eval(), replay, lambda: None)
-        assert len(replay) == part.graphs == worlds * config.plans
-        flown.append(replay.newest(part.graphs).observation)
-    assert not torch.equal(flown[0][:1], flown[1][:1])
-
-
-@pytest.mark.parametrize(
-    ("wrong", "complaint"),
-    [
-        ({"torch": "0.1"}, "has torch .*, not 0.1 as this command: install the same"),
-        (
-            {"device": "cuda"},
-            "has no GPU, as this command does: start workers where one is, or give --device cpu",
-        ),
-    ],
-)
-def test_a_worker_that_would_plan_otherwise_flies_nothing(tiny, wrong, complaint):
-    planner = Planner({}, torch.__version__, 1, "cpu")._replace(**wrong)
-    with pytest.raises(OtherMachineError, match=complaint):
-        fly_there(Part(tiny, 0, 0, 1.0), planner)
 
 
 def test_the_papers_expert_flies_less_and_less_by_the_episodes_there_were():

@@ -34,10 +34,13 @@ def pause_at_once(address: str) -> None:
 
 
 def field(page: Page) -> str:
-    """What is drawn of the field, a few frames from now."""
-    frames = page.value("page.frames()")
-    page.until(f"page.frames() > {frames + 3}")
-    return str(page.value("document.getElementById('field').toDataURL()"))
+    """What is drawn of the field, once that stands still."""
+    before, drawn = "", str(page.value("page.frames()"))
+    while drawn != before:
+        before, frames = drawn, page.value("page.frames()")
+        page.until(f"page.frames() > {frames + 3}")
+        drawn = str(page.value("document.getElementById('field').toDataURL()"))
+    return drawn
 
 
 def test_plans_of_a_launch_are_drawn() -> None:
@@ -111,7 +114,10 @@ def test_a_flight_in_the_browser(tmp_path: Path) -> None:
             page.click_drone(7)
             page.until("document.getElementById('panel').textContent.includes('its view is right')")
             keep(page, "view-drone.png")
-            page.page.click("#panel h2 button", delay=400)  # longer than a panel stays the same
+            left, top = page.value(
+                "(() => { const box = document.querySelector('#panel h2 button').getBoundingClientRect(); return [box.x + 8, box.y + 8]; })()"
+            )
+            page.page.mouse.click(left, top, delay=400)  # longer than a panel stays the same
             page.until("page.chosen.size === 0")
             page.page.keyboard.press("Home")
             assert page.value("page.play.time") == 0
