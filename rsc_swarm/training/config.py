@@ -202,7 +202,7 @@ _PAPER: dict[str, Any] = {
     "mirror": False,
     "velocity_weight": 0.0,
     "outlier_mps2": None,
-    "clip": None,
+    "clip": 1.0,  # without it a training collapsed (docs/paper.md)
     "validation_maps": 8,
     "plateau": True,
 }

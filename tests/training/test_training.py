@@ -137,7 +137,7 @@ def test_the_paper_is_flown_and_labelled_as_the_paper_says():
     )  # fmt: skip
     assert (one.trajectory.tracking, one.trajectory.blend_with) == ("required", "paper")
     assert (config.fly_ticks, config.plans, config.averaging, config.mirror, config.clip) == (
-        (20, 20), 105, 0, False, None
+        (20, 20), 105, 0, False, 1.0
     )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ _ABLATION = (
     ("no-swaps", "letter, no swaps", ("swap.rule=off",), Paper(49.5, 13.01, 7.75, 34.0)),
     ("neither", "letter, neither", ("trajectory.blend=false", "swap.rule=off"), Paper(38.0, 12.08, 8.75, 36.0)),
 )  # fmt: skip
+_TRAINED = (*_ABLATION, *((step.word, f"letter, + {step.title}", step.settings, None) for step in STEPS))
 _HORIZONS = (
     (1, Paper(0.0, None, 4.0, 95.5)),
     (10, Paper(58.5, 13.11, 6.2, 23.0)),
@@ -77,6 +78,10 @@ def letter_rows() -> Iterator[Row]:
             f"rsc-h{horizon}",
             paper,
         )
+    trained = Place("trained", "trained to the letter", _MISSION)
+    yield Row(trained, "RSC-H20", Way("letter", "letter"), "rsc-h20-paper", _REPORTED)
+    for word, title, settings, reported in _TRAINED:
+        yield Row(trained, "RSC-H20", Way(word, title, settings), "rsc-h20-paper", reported)
     yield from _experts(Place("experts", "experts", _MISSION))
 
 
