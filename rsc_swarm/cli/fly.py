@@ -22,7 +22,8 @@ from rsc_swarm.flight.warm_up import warm_up
 from rsc_swarm.flight.words import agents_text
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.options import MissionOptions, command_line, resolve, with_faults
-from rsc_swarm.show.view import View, line
+from rsc_swarm.show.line import line
+from rsc_swarm.show.view import View
 from world.outcome import Flown
 from world.outlets.onlooker import Onlooker
 

@@ -8,8 +8,8 @@ from rich.live import Live
 from rich.text import Text
 
 from rsc_swarm.show.field_map import LEGEND, FieldMap
+from rsc_swarm.show.line import late, passed, swaps
 from rsc_swarm.show.render import console
-from rsc_swarm.show.view import late, passed, swaps
 from world.outlets.snapshot import AgentRow, Snapshot
 
 _HEAD_LINES = 6  # and the line that explains the columns

@@ -4,11 +4,11 @@ No threads: something is drawn when the view is told to, and at no other time; t
 loaded at the first word that it is told: a launch's drones start meanwhile.
 """
 
-import math
 import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
+from rsc_swarm.show.line import line
 from world.outlets.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -69,32 +69,3 @@ class View:
         if self._opened:
             self._opened.close()
             self._opened = None
-
-
-def line(snapshot: Snapshot) -> str:
-    """One moment in one line."""
-    flying = [row for row in snapshot.agents if row.state != "lost"]
-    nearest = min((row.nearest_m for row in flying), default=math.inf)
-    edge = max((row.edge_error for row in flying), default=0.0)
-    text = f"t {snapshot.time_s:6.2f} s  {snapshot.real_time_factor:5.1f} x real time{passed(snapshot, '  ')}"
-    if math.isfinite(nearest):
-        text += f"  nearest {nearest:5.2f} m"
-    if len(snapshot.agents) > 1:
-        text += f"  worst edge {100 * edge:4.0f} %  swaps {swaps(snapshot)}"
-    lost = len(snapshot.agents) - len(flying)
-    return text + (f"  lost {lost}" if lost else "") + late(snapshot)
-
-
-def swaps(snapshot: Snapshot) -> int:
-    """Swaps that took place so far."""
-    return snapshot.swaps["committed"] + snapshot.swaps["vacated"]
-
-
-def passed(snapshot: Snapshot, gap: str) -> str:
-    """Nothing in a field without obstacles."""
-    passed = f"{gap}obstacles passed {snapshot.obstacles_passed}/{snapshot.obstacles}"
-    return passed if snapshot.obstacles else ""
-
-
-def late(snapshot: Snapshot) -> str:
-    return f"  late answers {snapshot.deadline_misses}" if snapshot.deadline_misses else ""

@@ -10,8 +10,9 @@ from rich.console import Console
 from protocols.mission.document import Mission
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.show.field_map import FieldMap
+from rsc_swarm.show.line import line
 from rsc_swarm.show.picture import picture
-from rsc_swarm.show.view import View, line
+from rsc_swarm.show.view import View
 from world.outlets.snapshot import AgentRow, Snapshot
 
 
