@@ -4,6 +4,7 @@ No threads: something is drawn when the view is told to, and at no other time; t
 loaded at the first word that it is told: a launch's drones start meanwhile.
 """
 
+import math
 import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
