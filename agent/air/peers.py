@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import zenoh
 
 from agent.air.clock import Utc
+from agent.air.listening import check_free
 from protocols.closing import Closing
 from protocols.fleet.document import Fleet
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
@@ -104,6 +105,7 @@ class AirLink(Closing):
             "(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),"
             "app:(worker_threads:1,max_blocking_threads:2))",
         )
+        check_free(end.listen)
         try:
             settings = _settings(end.listen, end.connect)
             if certificates:

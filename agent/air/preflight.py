@@ -8,15 +8,17 @@ from protocols.fleet.plan import Plan
 from protocols.wire.account import Account
 
 _STANDS_M = 0.3  # no farther from where the plan has it
+_LACKING = 0.2  # of its ticks; at 80 a second it flies, but what keeps it from the others may take more
 
 
 def complaints(
-    plan: Plan, me: int, state: State, heard: Sequence[int], clock_s: float | None, operator: bool
+    plan: Plan, me: int, state: State, heard: Sequence[int], clock_s: float | None, operator: bool, lacking: float
 ) -> list[str]:
     """What speaks against arming drone ``me``; empty: nothing does.
 
     Args:
         heard: the drones it hears now. clock_s: its clock minus the median of the others; None: unknown. operator: is heard.
+        lacking: the share of its ticks that it missed lately.
     """
     guard, found = plan.fleet.guard, list(state.health)
     if state.mode is not Mode.GROUND:
@@ -40,6 +42,10 @@ def complaints(
         found.append("it does not hear the operator")
     if clock_s is not None and 1000 * abs(clock_s) > guard.clock_hold_ms:
         found.append(f"its clock is off by {1000 * clock_s:.0f} ms; keep it by chrony or PTP")
+    if lacking > _LACKING:
+        found.append(
+            f"it misses {100 * lacking:.0f} % of its ticks: its machine is too busy; end what else runs there (another fleet?)"
+        )
     return found
 
 

@@ -1,7 +1,6 @@
 """A fleet and its mission laid together: the plan of a flight in a room, and whether it can be flown. Pure."""
 
 import hashlib
-import ipaddress
 import json
 import math
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from protocols.fleet.document import SECRET, Fleet, FleetError, host_of
 from protocols.fleet.place import Flat, Place
 from protocols.mission import needs
 from protocols.mission.document import Mission, MissionError, parse_mission
+from protocols.wire.endpoints import is_here
 from protocols.wire.sensed import MAX_OBSTACLES
 
 Disc = tuple[float, float, float]
@@ -178,18 +178,11 @@ def _check_addresses(plan: Plan) -> None:
                     else "is plain text, and the fleet has keys; write quic/ instead"
                 )
             )
-        if protocol not in SECRET and not fleet.radio.plain_text and not _stays_here(host_of(address)):
+        if protocol not in SECRET and not fleet.radio.plain_text and not is_here(host_of(address)):
             raise FleetError(
                 f"{name}: {address} is plain text, which everybody on the way can read and forge: use keys and quic/, "
                 "or radio: {plain_text: true} on a network of your own"
             )
-
-
-def _stays_here(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False  # a name: wherever it leads
 
 
 def _check_distances(plan: Plan) -> None:

@@ -50,10 +50,13 @@ def is_secret(endpoint: str) -> bool:
 def stays_here(endpoint: str) -> bool:
     """Whether what passes there never leaves this machine."""
     protocol, host, _ = split(endpoint)
-    if protocol == "unixsock-stream" or host == "localhost":
-        return True
+    return protocol == "unixsock-stream" or is_here(host)
+
+
+def is_here(host: str) -> bool:
+    """Whether what goes there, or comes from there, never leaves this machine."""
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False  # a name: wherever it leads
 

@@ -57,3 +57,8 @@ def pulse(swarm: str) -> str:
 def user(agent: int) -> str:
     """The name under which ``agent`` logs in."""
     return f"agent-{checked_agent(agent)}"
+
+
+def login_file(agent: int) -> str:
+    """What the file is called that ``agent`` logs in with."""
+    return f"{user(agent)}.json"

@@ -1,5 +1,6 @@
 """One drone on the air, as on its companion computer: everything it needs is opened, then it is flown until asked to leave."""
 
+import os
 import sys
 import time
 from importlib.metadata import version
@@ -16,11 +17,10 @@ from agent.air.obstacles import Obstacles
 from agent.air.peers import AirLink, end_of, name_of
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
-from agent.air.vehicle import make_vehicle
 from agent.process import seals_of
 from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
-from rsc_swarm.air.bodies import rig_of
+from rsc_swarm.air.bodies import vehicle_of
 from rsc_swarm.air.folder import event_of, keep, next_folder
 from rsc_swarm.air.judged import rehearse_judging
 from rsc_swarm.flight.key_files import read_fleet_login
@@ -34,27 +34,26 @@ _OPEN_S = 60.0  # the first time a radio host reads long tables from its Crazyfl
 
 
 def fly_drone(
-    plan: Plan, me: int, keys: Path | None, body: str | None, run_dir: Path | None, trouble: Trouble
+    plan: Plan, me: int, key_file: Path | None, body: str | None, run_dir: Path | None, trouble: Trouble
 ) -> None:
     """Be drone ``me`` of ``plan``, in the vehicle at ``body`` (None: as the fleet file has it), until asked to leave.
 
     Args:
-        keys: the folder of keys, if the fleet has some.
+        key_file: its own keys, if the fleet has some.
 
     Raises:
-        FleetError: there is no such drone. agent.air.vehicle.VehicleError: its vehicle is not there, or no longer.
+        FleetError: there is no such drone, or its body may not be reached so. agent.air.vehicle.VehicleError: its vehicle is not there, or no longer.
         protocols.wire.keys.LinkError: its address cannot be listened at.
         rsc_swarm.flight.key_files.KeyFileError: of its keys. agent.policy.PolicyError: of its policy.
     """
     if me >= plan.mission.agents:
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
-    fleet, spec = plan.fleet, plan.fleet.drones[me]
-    vehicle = make_vehicle(body or spec.body, rig_of(plan, me))
+    fleet, vehicle = plan.fleet, vehicle_of(plan, me, body)
     load(plan)
     vehicle.open(_OPEN_S)
     service = Service()
     address = fleet.address(me)
-    login = read_fleet_login(keys, plan.mission.swarm, me, host_of(address)) if keys else None
+    login = read_fleet_login(key_file, plan.mission.swarm, me, host_of(address)) if key_file else None
     seals = login.seals if login else None
     drone = AirDrone(
         plan, me, vehicle, version("rsc-swarm"), lambda flight: seals_of(seals, plan.mission.agents, flight)
@@ -74,7 +73,7 @@ def fly_drone(
             with AirLink(plan.mission.swarm, end, certificates, agents, clock) as link:
                 _say(
                     me,
-                    f"ready after {time.time() - psutil.Process().create_time():.2f} s at {address}",
+                    f"ready after {time.time() - psutil.Process().create_time():.2f} s at {address}, process {os.getpid()}",
                 )
                 service.ready(f"drone {me} at {address}")
                 fly(drone, link, lambda: service.alive(leave.asked), tell, trouble, clock)

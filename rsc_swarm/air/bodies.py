@@ -1,11 +1,14 @@
 """Whether the bodies that a fleet file names can be led as it says: what would mean nothing to a body is refused, not ignored."""
 
 import re
+from collections.abc import Mapping
 from itertools import combinations
 
-from agent.air.vehicle import Failsafe, Rig, VehicleAddressError, make_vehicle
+from agent.air.mavlink import parse_address
+from agent.air.vehicle import Failsafe, Rig, Vehicle, VehicleAddressError, make_vehicle
 from protocols.fleet.document import DroneSpec, FleetError, host_of
 from protocols.fleet.plan import Plan
+from protocols.wire.endpoints import is_here, is_secret, stays_here
 from rsc_swarm.air.radios import radios_of
 
 _AUTOPILOT = "mavlink:"
@@ -22,12 +25,44 @@ def rig_of(plan: Plan, me: int) -> Rig:
     )  # fmt: skip
 
 
+def vehicle_of(plan: Plan, me: int, body: str | None = None) -> Vehicle:
+    """The vehicle of drone ``me``, at ``body`` or where the fleet file has it. It is not opened.
+
+    Raises:
+        VehicleAddressError: as make_vehicle. FleetError: plain text would leave this machine, and nobody said that it may.
+    """
+    spec, rig = plan.fleet.drones[me], rig_of(plan, me)
+    vehicle = make_vehicle(body or spec.body, rig)
+    if not plan.fleet.radio.plain_text:
+        _refuse_plain_text(body or spec.body, rig.options)
+    return vehicle
+
+
+def _refuse_plain_text(body: str, options: Mapping[str, str]) -> None:
+    kind, _, where = body.partition(":")
+    if host := options.get("host"):
+        if is_secret(host):
+            raise FleetError(f"options: host: a radio host has no keys; write tcp/{host.partition('/')[2]}")
+        if not stays_here(host):
+            raise FleetError(
+                f"options: host: {host} is plain text, and who changes it on the way flies the Crazyflies: let their radio host run "
+                "on this machine, or write radio: {plain_text: true} on a network of your own"
+            )
+    elif kind == "mavlink":
+        way, *place = parse_address(where).connection.split(":")
+        if way != "serial" and not is_here(place[0]):
+            raise FleetError(
+                f"{body} is plain text, and who changes it on the way flies the vehicle: let it come by a wire or to an address of "
+                "this machine (127.0.0.1), or write radio: {plain_text: true} on a network of your own"
+            )
+
+
 def check_bodies(plan: Plan) -> None:
     """Raises FleetError: a body is none, is given what means nothing to it, or two drones lead the same; one line."""
     for spec in plan.fleet.drones:
         try:
-            make_vehicle(spec.body, rig_of(plan, spec.number))
-        except VehicleAddressError as error:
+            vehicle_of(plan, spec.number)
+        except (FleetError, VehicleAddressError) as error:
             raise FleetError(f"drones.{spec.number}: {error}") from None
     for one, other in combinations(plan.fleet.drones, 2):
         if (body := _led(plan, one)) and body == _led(plan, other):

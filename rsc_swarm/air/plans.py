@@ -5,6 +5,7 @@ from pathlib import Path
 from protocols.fleet.document import FleetError, read_fleet
 from protocols.fleet.plan import Plan, make_plan
 from protocols.mission.document import Mission, MissionError, parse_mission, read_mission_fields
+from protocols.wire.keys import login_file
 from rsc_swarm.air.bodies import check_bodies
 from rsc_swarm.missions import SHIPPED, shipped_missions
 from rsc_swarm.options import MissionOptions, named, resolve
@@ -58,3 +59,15 @@ def asked_mission(path: Path, plan: Plan, options: MissionOptions) -> Mission:
 def keys_of(path: Path, plan: Plan) -> Path | None:
     """The folder of keys of the fleet file at ``path``; None: it has none."""
     return path.parent / plan.fleet.keys if plan.fleet.keys else None
+
+
+def key_file_of(path: Path, plan: Plan, me: int, own: Path | None = None) -> Path | None:
+    """The file of keys of drone ``me``, ``own`` if that is given; None: the fleet has none.
+
+    Raises:
+        FleetError: one is given, and the fleet has none.
+    """
+    keys = keys_of(path, plan)
+    if own and not keys:
+        raise FleetError(f"--credentials {own}: {path} has no keys; name their folder there: keys: keys")
+    return own or (keys / login_file(me) if keys else None)

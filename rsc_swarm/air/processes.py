@@ -5,9 +5,11 @@ import sys
 import time
 from pathlib import Path
 
+from agent.air.listening import check_free
 from agent.air.trouble import Trouble
 from protocols.errors import ExitCode
 from protocols.fleet.plan import Plan
+from protocols.wire.keys import login_file
 from rsc_swarm.air.alone import fly_drone, load
 from rsc_swarm.air.radios import be_host, radios_of
 from rsc_swarm.flight.processes import Supervisor
@@ -22,8 +24,13 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
 
     A drone that is gone is told of, and not started again: its vehicle is landing by its own failsafe. If this process is
     killed, the drones land too.
+
+    Raises:
+        protocols.wire.keys.LinkError: an address of theirs is taken, by another fleet perhaps; then nothing is started.
     """
     radios = radios_of(plan)
+    for address in (*map(plan.fleet.address, range(plan.mission.agents)), *(radio.endpoint for radio in radios)):
+        check_free(address)
     for doubt in (doubt for radio in radios for doubt in radio.doubts):
         print(f"rsc-swarm: {doubt}", file=sys.stderr, flush=True)
     load(plan)
@@ -34,7 +41,7 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
         for me in range(plan.mission.agents):
             folder = run_dir / f"drone-{me}" if run_dir else None
             drones.start(
-                f"drone {me}", fly_drone, plan, me, keys, None, folder, troubles.get(me, Trouble()),
+                f"drone {me}", fly_drone, plan, me, keys / login_file(me) if keys else None, None, folder, troubles.get(me, Trouble()),
                 at_launcher_death=signal.SIGTERM,
             )  # fmt: skip
         while drones.running and not leave.asked:

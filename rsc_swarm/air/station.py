@@ -18,6 +18,12 @@ from protocols.wire.operator import Order, Word, pack_word
 
 _LOST_S = 2.0
 _GO_TICKS = TICKS_PER_S  # ahead: so long an order may take to reach all
+# In which phases all are to be when somebody orders what begins something; in the first they were led to.
+_BEGINS = {
+    Order.ARM: (Phase.GROUND, Phase.ARMED),
+    Order.TAKEOFF: (Phase.ARMED,),
+    Order.GO: (Phase.FORM,),
+}
 
 
 class OrderError(SwarmError, ValueError):
@@ -29,7 +35,8 @@ class Station:
     """Of an operator who flies ``plan`` with this ``version``.
 
     Attributes:
-        accounts: the last of each drone. events: changes of phase: UTC [s], drone, phase, why.
+        accounts: the last of each drone. events: changes of phase: UTC [s], drone, phase, why. leaving: the operator leaves when
+        all are down.
     """
 
     plan: Plan
@@ -39,6 +46,7 @@ class Station:
     accounts: dict[int, Account] = field(default_factory=dict)
     events: list[tuple[float, int, str, tuple[str, ...]]] = field(default_factory=list)
     go_tick: int | None = None
+    leaving: bool = False
 
     def __post_init__(self) -> None:
         self._word = Word(self.started_us // 1000 & 0xFFFFFFFF, Order.NONE, 0, 0)
@@ -71,17 +79,28 @@ class Station:
         """From now on this is ordered.
 
         Raises:
-            OrderError: preflight is not green.
+            OrderError: preflight is not green, or somebody is not there yet.
         """
-        if order in (Order.ARM, Order.TAKEOFF, Order.GO) and (red := self.red(now)):
-            raise OrderError(
-                f"{order}: preflight is not green: {red[0]}"
-                + (f"; and {len(red) - 1} more" if red[1:] else "")
-            )
+        if order in _BEGINS:
+            if red := self.red(now):
+                more = f"; and {len(red) - 1} more" if red[1:] else ""
+                raise OrderError(f"{order}: preflight is not green: {red[0]}{more}")
+            for drone, phase in self.phases(now).items():
+                if phase not in _BEGINS[order]:
+                    raise OrderError(
+                        f"{order}: drone {drone}'s motors were cut; end its process and start it again"
+                        if phase == Phase.DEAD
+                        else f"{order}: drone {drone} is in phase {phase}; wait until all are in {_BEGINS[order][0]}, or land"
+                    )
         at_tick = tick_of(utc_us) + _GO_TICKS if order is Order.GO else 0
         if order is Order.GO:
             self.go_tick, self.log = at_tick, FlightLog(self.plan)
         self._word = Word(self._word.number + 1, order, at_tick, 0)
+
+    @property
+    def ordered(self) -> Order:
+        """What is ordered now."""
+        return self._word.order
 
     def word(self, utc_us: int) -> bytes:
         """What is to be said now, and again and again."""

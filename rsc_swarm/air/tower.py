@@ -58,7 +58,7 @@ def watch(
                 script.advance(station, utc_us, now)
             going_on = attend(station, utc_us, now) and not leave.asked and not (script and script.over)
             if not going_on and not leaving_at:
-                leaving_at = now
+                leaving_at, station.leaving = now, True
                 if station.in_flight(now):
                     station.order(Order.ABORT, utc_us, now)
             if now - said_at >= _SAY_S:

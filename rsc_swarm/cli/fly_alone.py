@@ -25,6 +25,12 @@ def fly(
     body: Annotated[
         str | None, typer.Option(metavar="KIND:WHERE", help="Its vehicle, instead of that in the fleet file.")
     ] = None,
+    credentials: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", dir_okay=False, help="Its own file of keys, instead of that in the folder the fleet file names."
+        ),
+    ] = None,
     run_dir: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Keep each flight as this drone saw it: DIR/1, DIR/2, ..."),
@@ -39,10 +45,10 @@ def fly(
 ) -> None:
     """Fly one drone on the air, without a world: its vehicle, the others it hears, and the operator's orders."""
     from agent.air.trouble import Trouble
-    from rsc_swarm.air.plans import keys_of, read_plan
+    from rsc_swarm.air.plans import key_file_of, read_plan
 
     plan, asked = read_plan(fleet), Trouble.parse(trouble)
     announce_compiling()
     from rsc_swarm.air.alone import fly_drone
 
-    fly_drone(plan, agent, keys_of(fleet, plan), body, run_dir, asked)
+    fly_drone(plan, agent, key_file_of(fleet, plan, agent, credentials), body, run_dir, asked)

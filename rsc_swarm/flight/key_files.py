@@ -16,7 +16,7 @@ from protocols.errors import BrokenError, SwarmError
 from protocols.whole_file import WriteError, write_whole
 from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
-from protocols.wire.keys import user
+from protocols.wire.keys import login_file
 from protocols.wire.login import Certificates, Login, OperatorLogin
 from world.server.credentials import Credentials, FleetHosts, make_fleet_keys, make_keys
 
@@ -47,7 +47,7 @@ def make_key_files(
         keys = make_keys(swarm, agents, addresses, days, datetime.now(UTC))
     except ValueError as error:
         raise KeyFolderError(str(error)) from None
-    files = {f"{user(login.agent)}.json": login.to_json() for login in keys.logins}
+    files = {login_file(login.agent): login.to_json() for login in keys.logins}
     _write_keys(folder, {**files, _WORLD: keys.world.to_json()}, overwrite)
 
 
@@ -61,7 +61,7 @@ def make_fleet_key_files(folder: Path, swarm: str, fleet: FleetHosts, days: int,
         made = make_fleet_keys(swarm, fleet, days, datetime.now(UTC))
     except ValueError as error:
         raise KeyFolderError(str(error)) from None
-    files = {f"{user(login.agent)}.json": login.to_json() for login in made.logins}
+    files = {login_file(login.agent): login.to_json() for login in made.logins}
     files[_GROUND] = made.operator.to_json()
     if made.world:
         files[_MIXED] = made.world.to_json()
@@ -105,7 +105,7 @@ def make_login_files(folder: Path, swarm: str, agents: int) -> Credentials:
     credentials = Credentials.fresh(swarm, agents)
     _make_private(folder)
     for agent in range(agents):
-        write_whole(folder / f"{user(agent)}.json", credentials.login(agent).to_json(), private=True)
+        write_whole(folder / login_file(agent), credentials.login(agent).to_json(), private=True)
     return credentials
 
 
@@ -130,7 +130,7 @@ def read_logins(folder: Path, agents: Sequence[int], endpoint: str, plain_text: 
     """
     logins: list[Login] = []
     for agent in agents:
-        file = folder / f"{user(agent)}.json"
+        file = folder / login_file(agent)
         if not file.exists() and (known := _size_of_swarm(folder)) and agent >= known:
             raise KeyFileError(
                 f"{folder}: holds the keys of {known} drones, 0 to {known - 1}; there is no drone {agent}"
@@ -154,13 +154,12 @@ def _size_of_swarm(folder: Path) -> int | None:
     return None
 
 
-def read_fleet_login(folder: Path, swarm: str, agent: int, host: str) -> Login:
-    """Drone ``agent``'s own from a fleet's folder of keys, good at ``host``.
+def read_fleet_login(file: Path, swarm: str, agent: int, host: str) -> Login:
+    """Drone ``agent``'s own of a fleet's keys, good at ``host``.
 
     Raises:
         KeyFileError: as `read_login`, or it is for another swarm or host.
     """
-    file = folder / f"{user(agent)}.json"
     login = _own_login(file, agent)
     _check_fleet(file, login.certificates, login.swarm, swarm, host)
     return login
@@ -199,7 +198,7 @@ def _own_login(file: Path, agent: int) -> Login:
     login = _read(file, certificates.read_login)
     if login.agent != agent:
         raise KeyFileError(
-            f"{file}: is that of agent {login.agent}; give agent {agent} its own, {user(agent)}.json"
+            f"{file}: is that of agent {login.agent}; give agent {agent} its own, {login_file(agent)}"
         )
     return login
 

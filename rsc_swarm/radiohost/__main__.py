@@ -77,7 +77,10 @@ def main(text: str) -> ExitCode:
         ) as host:
             host.open()
             ready.set()
-            print(f"radio host: {len(charges)} at {settings.endpoint}, ready", file=sys.stderr, flush=True)
+            print(
+                f"radio host: {len(charges)} at {settings.endpoint}, ready, process {os.getpid()}",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
             host.run(leaving.is_set)
     except (SwarmError, OSError) as error:
         print(f"radiohost: {error}", file=sys.stderr)

@@ -1,46 +1,33 @@
-"""What an operator sees of a fleet, and the keys that are pressed: a table on a terminal, nothing elsewhere.
+"""What an operator sees of a fleet: a table on a terminal, lines elsewhere; and the keys that are pressed."""
 
-Words go with Enter; three capitals act at once: L land, A abort, K kill.
-"""
-
-import select
 import sys
-import termios
-import tty
+from contextlib import suppress
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from agent.air.pilot import Phase
 from protocols.wire.operator import Order
-from rsc_swarm.air.station import OrderError, Station
+from rsc_swarm.air.desk import Desk
+from rsc_swarm.air.station import Station
+from rsc_swarm.show.keyboard import Keyboard
 from rsc_swarm.show.render import console
 
-_AT_ONCE = {"L": Order.LAND, "A": Order.ABORT, "K": Order.KILL}
-_WORDS = {order.value: order for order in Order if order is not Order.NONE}
 _REDRAW_S = 0.25
+_RED_S = 2.0
 _MOST_COMPLAINTS = 6
+_GIVEN_UP = (Phase.HOLD, Phase.LAND, Phase.DEAD)
 
 
 def table(station: Station, now: float) -> Table:
     """Every drone, a row each."""
     shown = Table(box=None, pad_edge=False)
-    for heading in (
-        "drone",
-        "phase",
-        "height m",
-        "battery",
-        "position ms",
-        "clock ms",
-        "hears",
-        "slot",
-        "missed",
-        "why",
-    ):
-        shown.add_column(heading, justify="left" if heading in ("phase", "why") else "right")
+    for heading in ("drone", "phase", "x m", "y m", "z m", "age ms", "battery", "clock ms", "hears", "slot", "missed"):
+        shown.add_column(heading, justify="left" if heading == "phase" else "right", no_wrap=True)
     lost, known = set(station.lost(now)), station.contacts.known()
     for drone in range(station.plan.mission.agents):
         account, contact = station.accounts.get(drone), known.get(drone)
@@ -50,91 +37,82 @@ def table(station: Station, now: float) -> Table:
         beacon = contact.beacon
         clock = "" if account.clock_ms is None else f"{account.clock_ms:.0f}"
         shown.add_row(
-            str(drone), account.phase, f"{beacon.p[2]:.2f}", f"{beacon.battery} %", f"{beacon.age_ms}", clock,
-            f"{len(account.heard)}", f"{account.slot}", f"{account.missed}", "; ".join(account.reasons),
+            str(drone), account.phase, *(f"{metres:.2f}" for metres in beacon.p), f"{beacon.age_ms}", f"{beacon.battery} %",
+            clock, f"{len(account.heard)}", f"{account.slot}", f"{account.missed}",
         )  # fmt: skip
     return shown
 
 
-def preflight_text(station: Station, now: float) -> Text:
-    """Whether preflight is green, or what speaks against flying."""
+def order_text(station: Station) -> str:
+    """What is ordered."""
+    ordered = "" if station.ordered is Order.NONE else f"ordered: {station.ordered}"
+    return f"{ordered}; leaving when all are down" if station.leaving and ordered else ordered
+
+
+def troubles_text(station: Station, now: float) -> Text:
+    """Whether preflight is green, or what speaks against flying; in flight, who does not fly on and why."""
     red = station.red(now)
-    if not red:
+    if station.in_flight(now):
+        red += [
+            f"drone {drone}: {phase}, {'; '.join(station.accounts[drone].reasons)}"
+            for drone, phase in station.phases(now).items()
+            if phase in _GIVEN_UP
+        ]
+    elif not red:
         return Text("preflight is green", "green")
     more = len(red) - _MOST_COMPLAINTS
     return Text("\n".join(red[:_MOST_COMPLAINTS] + ([f"and {more} more"] if more > 0 else [])), "red")
 
 
 class FleetView:
-    """The table, kept up to date within its ``with`` block, and the keys; `attend` is as rsc_swarm.air.tower wants it."""
+    """The table, kept up to date within its ``with`` block, and the desk; `attend` is as rsc_swarm.air.tower wants it."""
 
     def __init__(self, title: str, keys: bool) -> None:
-        self._title, self._typed, self._answer = (
-            title,
-            "",
-            "words: preflight arm takeoff go hold land abort kill quit",
-        )
+        self._title, self._desk, self._keyboard = title, Desk(), Keyboard(keys)
+        self._keys_wanted = keys
         self._console = console(sys.stderr)
-        self._live = (
-            Live(console=self._console, auto_refresh=False, transient=False)
-            if self._console.is_terminal
-            else None
-        )
-        self._keys = keys and sys.stdin.isatty()
-        self._before: list[Any] | None = None
+        self._live = Live(console=self._console, auto_refresh=False) if self._console.is_terminal else None
+        self._gone = False
         self._drawn = 0.0
+        self._told = _Told()
 
     def say(self, text: str) -> None:
         """One line above the table."""
         self._console.print(Text(text))
 
     def attend(self, station: Station, utc_us: int, now: float) -> bool:
-        """Draw, and do what was typed; whether to go on."""
-        go_on = True
-        while self._keys and select.select([sys.stdin], [], [], 0)[0]:
-            go_on = self._press(sys.stdin.read(1), station, utc_us, now) and go_on
-        if self._live and now - self._drawn >= _REDRAW_S:
-            self._drawn = now
-            parts: list[Text | Table] = [
-                Text(self._title, "bold"),
-                table(station, now),
-                preflight_text(station, now),
-            ]
-            if self._keys:
-                parts += [Text(self._answer, "dim"), Text(f"> {self._typed}")]
-            self._live.update(Group(*parts), refresh=True)
+        """Draw, and do what was typed; whether to go on. A terminal that is gone is an operator who leaves."""
+        keys = self._keyboard.pressed(now)
+        go_on = keys is not None and not self._gone
+        for key in keys or ():
+            go_on = self._desk.press(key, station, utc_us, now) and go_on
+        if self._gone:
+            return False
+        try:
+            if self._live and now - self._drawn >= _REDRAW_S:
+                self._drawn = now
+                self._live.update(self._picture(station, now), refresh=True)
+            elif not self._live:
+                for line in self._told.lines(station, self._desk, now):
+                    self.say(line)
+        except OSError:
+            self._gone = True
         return go_on
 
-    def _press(self, key: str, station: Station, utc_us: int, now: float) -> bool:
-        if not self._typed and key in _AT_ONCE:
-            self._do(_AT_ONCE[key], station, utc_us, now)
-        elif key in ("\r", "\n"):
-            word, self._typed = self._typed.strip(), ""
-            if word == "quit":
-                return False
-            if word == "preflight":
-                self._answer = "; ".join(station.red(now)) or "preflight is green"
-            elif word in _WORDS:
-                self._do(_WORDS[word], station, utc_us, now)
-            elif word:
-                self._answer = f"{word!r} is no order; known: preflight, {', '.join(_WORDS)}, quit"
-        elif key == "\x7f":
-            self._typed = self._typed[:-1]
-        elif key.isprintable():
-            self._typed = (self._typed + key)[:40]
-        return bool(key)
-
-    def _do(self, order: Order, station: Station, utc_us: int, now: float) -> None:
-        try:
-            station.order(order, utc_us, now)
-            self._answer = f"ordered: {order}"
-        except OrderError as error:
-            self._answer = str(error)
+    def _picture(self, station: Station, now: float) -> Group:
+        """What is typed comes first, so that a low terminal shows it."""
+        desk = [Text(f"> {self._desk.typed}"), Text(self._desk.answer, "dim")] if self._keyboard.here else []
+        status = Text(order_text(station), "bold")
+        return Group(
+            Text(self._title, "bold"), *desk, status, troubles_text(station, now), table(station, now)
+        )
 
     def __enter__(self) -> Self:
-        if self._keys:
-            self._before = termios.tcgetattr(sys.stdin)
-            tty.setcbreak(sys.stdin)
+        self._keyboard.__enter__()
+        if self._keys_wanted and not self._keyboard.here:
+            self.say(
+                "no terminal to type at: give orders with --do, or at a terminal; Ctrl-C or SIGTERM lands all"
+            )
         if self._live:
             self._live.start()
         return self
@@ -143,6 +121,30 @@ class FleetView:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._live:
-            self._live.stop()
-        if self._before is not None:
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+            with suppress(OSError):
+                self._live.stop()
+        self._keyboard.__exit__(kind, error, trace)
+
+
+class _Told:
+    """What lines have told of a fleet so far."""
+
+    def __init__(self) -> None:
+        self._events, self._text, self._red, self._red_at = 0, "", "", -_RED_S
+
+    def lines(self, station: Station, desk: Desk, now: float) -> list[str]:
+        """What has changed since. What speaks against flying may change all the time: not more often than it can be read."""
+        lines = [
+            f"drone {drone}: {phase}" + (f" ({'; '.join(why)})" if why else "")
+            for _, drone, phase, why in station.events[self._events :]
+        ]
+        self._events = len(station.events)
+        red = troubles_text(station, now).plain
+        if red != self._red and now - self._red_at >= _RED_S:
+            self._red, self._red_at = red, now
+            lines += red.splitlines()
+        text = desk.answer or order_text(station)
+        if text != self._text:
+            self._text = text
+            lines += [text] if text else []
+        return lines

@@ -10,6 +10,7 @@ from pathlib import Path
 from agent.air.pilot import Phase
 from agent.air.trouble import Trouble
 from protocols.fleet.plan import Plan
+from protocols.wire.keys import login_file
 from rsc_swarm.air.alone import fly_drone, load
 from rsc_swarm.air.plans import keys_of
 from rsc_swarm.air.station import Script, Station, read_script
@@ -69,7 +70,7 @@ def _await(files: Sequence[Path], seconds: float) -> None:
 
 def _drone(plan: Plan, me: int, keys: Path | None, folder: Path) -> Callable[[], int]:
     def run() -> int:
-        fly_drone(plan, me, keys, None, folder / f"drone-{me}", Trouble())
+        fly_drone(plan, me, keys / login_file(me) if keys else None, None, folder / f"drone-{me}", Trouble())
         return 0
 
     return run

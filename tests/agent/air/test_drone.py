@@ -66,3 +66,20 @@ def test_who_was_disarmed_is_not_armed_again_by_the_same_word() -> None:
     hall.drones[1].land()
     hall.wait(1.0)
     assert [drone.pilot.phase for drone in hall.drones].count(Phase.GROUND) == 1
+
+
+def test_who_misses_a_fifth_of_its_ticks_is_not_armed_until_its_machine_has_time() -> None:
+    hall = Hall(plan_of())
+    hall.wait(1.0)
+    everybody, slow = set(hall.alive), hall.drones[1]
+    for tick in range(500):
+        hall.alive = everybody - {1} if tick % 2 else everybody
+        hall.tick()
+    hall.alive = everybody
+    (complaint,) = slow.complaints(slow.vehicle.state(), hall.now)
+    assert complaint.startswith("it misses 32 % of its ticks: its machine is too busy")
+    hall.order(Order.ARM)
+    hall.wait(1.0)
+    assert [drone.me for drone in hall.drones if drone.pilot.phase is Phase.GROUND] == [1]
+    hall.wait(5.0)
+    assert slow.complaints(slow.vehicle.state(), hall.now) == []

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from agent.air.listening import check_free
 from agent.air.peers import OPERATOR, AirLink, End, Said, end_of, name_of
 from protocols.fleet.document import parse_fleet
 from protocols.wire.certificates import make_peer_certificates
@@ -135,5 +136,24 @@ def test_of_two_who_are_to_be_linked_each_looks_for_the_other(mixed: bool) -> No
 
 def test_an_address_that_is_taken_is_told(band: Band) -> None:
     band.join(name_of(0), None)
-    with pytest.raises(LinkError, match=r"cannot listen at udp/127.0.0.1"):
+    with pytest.raises(LinkError, match=r"cannot listen at udp/127.0.0.1:\d+: another program does. Is this fleet in the air"):
         AirLink("rsc", End(name_of(1), band.addresses[0]))
+
+
+@pytest.mark.parametrize("protocol", ["udp", "quic", "tcp", "tls"])
+def test_an_address_of_no_machine_or_of_another_is_told(protocol: str) -> None:
+    for host, why in (("203.0.113.9", "Cannot assign requested address"), ("nowhere.invalid", "")):
+        address = f"{protocol}/{host}:7450"
+        with pytest.raises(LinkError, match=rf"cannot listen at {address} \({why}.*\): give an address of this machine"):
+            check_free(address)
+
+
+def test_what_was_closed_a_moment_ago_is_free() -> None:
+    with socket.create_server((HERE, 0)) as server:
+        port = server.getsockname()[1]
+        with socket.create_connection((HERE, port)) as one:
+            server.accept()[0].close()
+            with pytest.raises(LinkError, match="another program does"):
+                check_free(f"tcp/{HERE}:{port}")
+            one.close()
+    check_free(f"tcp/{HERE}:{port}")

@@ -1,6 +1,7 @@
 """Fleet files from the command line: what can be flown is drawn, what cannot is refused in one line."""
 
 import itertools
+import socket
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 import yaml
 
 from protocols.fleet.document import FleetError
+from rsc_swarm.air.bodies import vehicle_of
 from rsc_swarm.air.plans import read_plan
 from rsc_swarm.cli import main as cli
 
@@ -23,7 +25,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 
 
 @pytest.mark.parametrize(
-    ("name", "size"), [("room.yaml", (6, 4)), ("hall.yaml", (12, 8)), ("six.yaml", (6, 4))]
+    ("name", "size"), [("room.yaml", (6, 4)), ("hall.yaml", (12, 8)), ("six.yaml", (6, 4)), ("one.yaml", (6, 4))]
 )
 def test_the_examples_can_be_flown_in_the_rooms_they_are_for(name: str, size: tuple[float, float]) -> None:
     plan = read_plan(EXAMPLES / name)
@@ -117,6 +119,63 @@ def test_every_companion_computer_has_a_line_of_its_own_to_its_autopilot(tmp_pat
     drones[5]["address"] = "udp/10.0.0.14:7451"
     with pytest.raises(FleetError, match="drones: 4 and 5 have both the body"):
         read_plan(fleet_file(tmp_path, *drones, **plain))
+
+
+@pytest.mark.parametrize(
+    ("body", "leaves"),
+    [
+        ("mavlink:udpin:127.0.0.1:14550", False),
+        ("mavlink:serial:/dev/ttyAMA0:921600", False),
+        ("mavlink:udpin:0.0.0.0:14550", True),
+        ("mavlink:udpout:10.0.0.7:14550", True),
+        ("mavlink:tcp:autopilot.local:5760?system=3", True),
+    ],
+)
+def test_an_autopilot_is_led_over_a_network_only_by_an_explicit_word(
+    tmp_path: Path, body: str, leaves: bool
+) -> None:
+    plain = {"radio": {"plain_text": True}}
+    assert read_plan(fleet_file(tmp_path, {"body": body}, **plain)).fleet.drones[0].body == body
+    if leaves:
+        with pytest.raises(FleetError, match="drones.0: mavlink:.* is plain text, and who changes it on the way") as refusal:
+            read_plan(fleet_file(tmp_path, {"body": body}))
+        assert "\n" not in str(refusal.value)
+    fleet = read_plan(fleet_file(tmp_path))
+    if leaves:  # nor by the command line
+        with pytest.raises(FleetError, match="is plain text"):
+            vehicle_of(fleet, 0, body)
+    else:
+        vehicle_of(fleet, 0, body)
+
+
+def test_a_radio_host_has_no_keys(tmp_path: Path) -> None:
+    with pytest.raises(FleetError, match="drones.0: options: host: a radio host has no keys; write tcp/127.0.0.1:7470"):
+        read_plan(fleet_file(tmp_path, {"body": CRAZYFLIE, "options": {"host": "tls/127.0.0.1:7470"}}))
+
+
+def test_a_fleet_in_the_air_is_told_before_a_second_one_starts(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """One of its drones listens there already."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        port = other.getsockname()[1]
+        file = fleet_file(tmp_path, radio={"port": max(1024, port - 3)})
+        assert run(monkeypatch, "air", "--fleet", str(file)) == 3
+    told = capsys.readouterr().err.strip()
+    assert f"cannot listen at udp/127.0.0.1:{port}: another program does. Is this fleet in the air already" in told
+    assert "\n" not in told
+
+
+def test_keys_on_the_command_line_are_for_fleets_with_keys(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    own = tmp_path / "login"
+    words = ("fly", "--agent", "0", "--credentials", str(own), "--fleet")
+    assert run(monkeypatch, *words, str(fleet_file(tmp_path))) == 2
+    assert f"--credentials {own}: {tmp_path}/fleet.yaml has no keys; name their folder there" in capsys.readouterr().err
+    assert run(monkeypatch, *words, str(fleet_file(tmp_path, keys="keys"))) == 2
+    assert f"{own}: cannot be read" in capsys.readouterr().err
 
 
 BAD = [

@@ -81,7 +81,9 @@ def test_the_fleet_file_may_say_which_dongle_and_where_its_host_listens(tmp_path
     bodies = [
         crazyflie(number) | {"dongle": 7, "options": {"host": "tcp/10.0.0.3:7000"}} for number in range(6)
     ]
-    (radio,) = radios_of(plan(tmp_path, *bodies))
+    with pytest.raises(FleetError, match=r"drones.0: options: host: tcp/10.0.0.3:7000 is plain text"):
+        plan(tmp_path, *bodies)
+    (radio,) = radios_of(plan(tmp_path, *bodies, radio={"plain_text": True}))
     assert (radio.dongle, radio.endpoint) == (7, "tcp/10.0.0.3:7000")
     assert radio.doubts == [
         "dongle 7 leads 6 Crazyflies: more than 3 are led badly by one; share them out among more"
