@@ -9,7 +9,7 @@ _DATAGRAMS = ("udp", "quic")
 
 
 def check_free(address: str) -> None:
-    """Raises LinkError if another program listens at ``address`` (protocol/host:port), or this machine has none such; one line."""
+    """Raises LinkError if ``address`` (protocol/host:port) is another program's, or it is none of this machine; one line."""
     protocol, _, place = address.partition("/")
     host, _, port = place.rpartition(":")
     kind = socket.SOCK_DGRAM if protocol in _DATAGRAMS else socket.SOCK_STREAM

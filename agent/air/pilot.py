@@ -42,6 +42,9 @@ class Event(StrEnum):
     KILL = "kill"
 
 
+_OF_ITSELF = frozenset(
+    {Event.CLIMBED, Event.START, Event.OVER, Event.LANDED}
+)  # whatever is ordered in the same tick
 _GUARDED = frozenset({Event.HOLD, Event.LAND, Event.KILL})
 IN_FLIGHT = frozenset({Phase.CLIMB, Phase.FORM, Phase.FLY, Phase.HOLD, Phase.LAND})
 
@@ -115,7 +118,7 @@ def step(pilot: Pilot, facts: Facts, patience: Patience) -> Pilot:
 
 def _told(pilot: Pilot, event: Event, facts: Facts) -> tuple[str, ...]:
     """Why, where the guard has nothing to say."""
-    if facts.order:
+    if facts.order and event not in _OF_ITSELF:
         return (f"ordered to {facts.order}",)
     if event in (Event.LAND, Event.KILL) and not (pilot.phase is Phase.HOLD and facts.now >= pilot.land_at):
         return (f"the vehicle does so by itself: {facts.mode}",)

@@ -12,7 +12,13 @@ _LACKING = 0.2  # of its ticks; at 80 a second it flies, but what keeps it from 
 
 
 def complaints(
-    plan: Plan, me: int, state: State, heard: Sequence[int], clock_s: float | None, operator: bool, lacking: float
+    plan: Plan,
+    me: int,
+    state: State,
+    heard: Sequence[int],
+    clock_s: float | None,
+    operator: bool,
+    lacking: float,
 ) -> list[str]:
     """What speaks against arming drone ``me``; empty: nothing does.
 

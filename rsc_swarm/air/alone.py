@@ -42,7 +42,8 @@ def fly_drone(
         key_file: its own keys, if the fleet has some.
 
     Raises:
-        FleetError: there is no such drone, or its body may not be reached so. agent.air.vehicle.VehicleError: its vehicle is not there, or no longer.
+        FleetError: there is no such drone, or its body may not be reached so. agent.air.vehicle.VehicleError: its vehicle is not
+            there, or no longer.
         protocols.wire.keys.LinkError: its address cannot be listened at.
         rsc_swarm.flight.key_files.KeyFileError: of its keys. agent.policy.PolicyError: of its policy.
     """

@@ -45,15 +45,15 @@ def _refuse_plain_text(body: str, options: Mapping[str, str]) -> None:
             raise FleetError(f"options: host: a radio host has no keys; write tcp/{host.partition('/')[2]}")
         if not stays_here(host):
             raise FleetError(
-                f"options: host: {host} is plain text, and who changes it on the way flies the Crazyflies: let their radio host run "
-                "on this machine, or write radio: {plain_text: true} on a network of your own"
+                f"options: host: {host} is plain text, and who changes it on the way flies the Crazyflies: let their radio host "
+                "run on this machine, or write radio: {plain_text: true} on a network of your own"
             )
     elif kind == "mavlink":
         way, *place = parse_address(where).connection.split(":")
         if way != "serial" and not is_here(place[0]):
             raise FleetError(
-                f"{body} is plain text, and who changes it on the way flies the vehicle: let it come by a wire or to an address of "
-                "this machine (127.0.0.1), or write radio: {plain_text: true} on a network of your own"
+                f"{body} is plain text, and who changes it on the way flies the vehicle: let it come by a wire or to an address "
+                "of this machine (127.0.0.1), or write radio: {plain_text: true} on a network of your own"
             )
 
 

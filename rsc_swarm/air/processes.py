@@ -29,7 +29,10 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
         protocols.wire.keys.LinkError: an address of theirs is taken, by another fleet perhaps; then nothing is started.
     """
     radios = radios_of(plan)
-    for address in (*map(plan.fleet.address, range(plan.mission.agents)), *(radio.endpoint for radio in radios)):
+    for address in (
+        *map(plan.fleet.address, range(plan.mission.agents)),
+        *(radio.endpoint for radio in radios),
+    ):
         check_free(address)
     for doubt in (doubt for radio in radios for doubt in radio.doubts):
         print(f"rsc-swarm: {doubt}", file=sys.stderr, flush=True)
@@ -40,8 +43,9 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
             drones.start(f"radio host {radio.dongle}", be_host, radio, at_launcher_death=signal.SIGTERM)
         for me in range(plan.mission.agents):
             folder = run_dir / f"drone-{me}" if run_dir else None
+            key_file = keys / login_file(me) if keys else None
             drones.start(
-                f"drone {me}", fly_drone, plan, me, keys / login_file(me) if keys else None, None, folder, troubles.get(me, Trouble()),
+                f"drone {me}", fly_drone, plan, me, key_file, None, folder, troubles.get(me, Trouble()),
                 at_launcher_death=signal.SIGTERM,
             )  # fmt: skip
         while drones.running and not leave.asked:

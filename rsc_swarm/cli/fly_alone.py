@@ -28,7 +28,9 @@ def fly(
     credentials: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", dir_okay=False, help="Its own file of keys, instead of that in the folder the fleet file names."
+            metavar="FILE",
+            dir_okay=False,
+            help="Its own file of keys, instead of that in the folder the fleet file names.",
         ),
     ] = None,
     run_dir: Annotated[

@@ -26,7 +26,19 @@ _GIVEN_UP = (Phase.HOLD, Phase.LAND, Phase.DEAD)
 def table(station: Station, now: float) -> Table:
     """Every drone, a row each."""
     shown = Table(box=None, pad_edge=False)
-    for heading in ("drone", "phase", "x m", "y m", "z m", "age ms", "battery", "clock ms", "hears", "slot", "missed"):
+    for heading in (
+        "drone",
+        "phase",
+        "x m",
+        "y m",
+        "z m",
+        "age ms",
+        "battery",
+        "clock ms",
+        "hears",
+        "slot",
+        "missed",
+    ):
         shown.add_column(heading, justify="left" if heading == "phase" else "right", no_wrap=True)
     lost, known = set(station.lost(now)), station.contacts.known()
     for drone in range(station.plan.mission.agents):

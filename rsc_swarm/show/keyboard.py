@@ -1,8 +1,8 @@
 """The keys of a terminal, one by one, for who gives orders that must not wait for Enter.
 
-What stops or hangs a process at a terminal (Ctrl-Z, Ctrl-\\, Ctrl-S) does nothing while keys are read: drones whose operator is not
-heard hold, and land. Ctrl-C is a signal as ever. What special keys send (the arrow up: ESC [ A) is no letter, and what is pasted was
-not typed.
+What stops or hangs a process at a terminal (Ctrl-Z, Ctrl-\\, Ctrl-S) does nothing while keys are read: drones whose operator
+is not heard hold, and land. Ctrl-C is a signal as ever. What special keys send (the arrow up: ESC [ A) is no letter, and what is
+pasted was not typed.
 """
 
 import codecs

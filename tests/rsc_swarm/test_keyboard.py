@@ -5,6 +5,7 @@ import pty
 import sys
 import termios
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -28,7 +29,9 @@ from rsc_swarm.show.keyboard import Keyboard, Keys
 def test_what_a_terminal_sends_is_told_apart(sent: bytes, keys: str) -> None:
     assert "".join(Keys().take(sent, 1.0)) == keys
     piece_by_piece = Keys()
-    assert "".join(key for at in range(len(sent)) for key in piece_by_piece.take(sent[at : at + 1], 1.0)) == keys
+    assert (
+        "".join(key for at in range(len(sent)) for key in piece_by_piece.take(sent[at : at + 1], 1.0)) == keys
+    )
 
 
 @pytest.mark.parametrize("begun", [b"\x1b", b"\x1b[", b"\x1bO", b"\x1b[200~", b"\x1b[200~nonsense"])
@@ -47,10 +50,8 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         monkeypatch.setattr(os, "tcgetpgrp", lambda number: os.getpgrp())
         yield ours
     for number in (ours, theirs):
-        try:
+        with suppress(OSError):  # a test has closed it
             os.close(number)
-        except OSError:  # a test has closed it
-            pass
 
 
 def test_keys_that_come_together_are_all_there_at_once(terminal: int) -> None:
@@ -79,7 +80,9 @@ def test_a_terminal_that_is_gone_is_told_once(terminal: int) -> None:
         assert not keyboard.here
 
 
-def test_without_a_terminal_or_unasked_there_are_no_keys(terminal: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_terminal_or_unasked_there_are_no_keys(
+    terminal: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert not Keyboard(wanted=False).here
     monkeypatch.setattr(os, "tcgetpgrp", lambda number: os.getpgrp() + 1)  # in the background
     assert not Keyboard().here

@@ -21,6 +21,7 @@ _MANAGER = "/usr/lib/systemd/systemd"
 _TARGETS = ("basic", "sysinit", "shutdown", "multi-user", "network-online")
 _CGROUPS = "/sys/fs/cgroup"
 _BELOW = "rsc-swarm-test"
+_HOME = "/opt/rsc-swarm"
 
 # $1: where the new root is made; the folders to be seen in it follow, WHAT:WHERE. No unit, generator or rule of the system's
 # own is there.
@@ -44,6 +45,8 @@ for each in system system-generators; do
   [ ! -d usr/lib/systemd/$each ] || mount -t tmpfs none usr/lib/systemd/$each
 done
 for each in null zero full random urandom tty; do touch dev/$each; mount --bind /dev/$each dev/$each; done
+mount -t devpts -o newinstance,ptmxmode=0666 devpts dev/pts
+ln -s pts/ptmx dev/ptmx
 mount -t proc proc proc
 if [ -f /sys/fs/cgroup/cgroup.controllers ]; then
   mount -t cgroup2 cgroup sys/fs/cgroup
@@ -67,11 +70,13 @@ if [ -d "$root.cache" ]; then cp -r "$root.cache" var/cache/rsc-swarm; chown -R 
 ip link set lo up
 pivot_root . old
 umount -l /old
+mount --make-rshared /  # as a manager that is no guest has it: credentials come by a mount
 exec env -i container=test PATH=/usr/bin:/usr/sbin SYSTEMD_UNIT_PATH=/etc/systemd/system LANG=C.UTF-8 \\
   /usr/lib/systemd/systemd --system --unit=basic.target --show-status=no --log-target=console --log-level=notice
 """
 _COMMAND = """#!/bin/sh
-PYTHONPATH=/opt/rsc-swarm/src:/opt/rsc-swarm/site PYTHONDONTWRITEBYTECODE=1 exec /opt/rsc-swarm/python/bin/{python} -m rsc_swarm "$@"
+export LD_LIBRARY_PATH=/opt/rsc-swarm/python/lib PYTHONPATH=/opt/rsc-swarm/src:/opt/rsc-swarm/site PYTHONDONTWRITEBYTECODE=1
+exec /opt/rsc-swarm/python/bin/{python} -m rsc_swarm "$@"
 """
 _ACCOUNTS = {
     "passwd": "root:x:0:0::/root:/bin/sh\nnobody:x:65534:65534::/:/bin/false\nrsc-swarm:x:990:990::/:/bin/false\n",
@@ -128,19 +133,26 @@ class Machine:
         """Add settings to a unit, or with "service" to all services."""
         folder = self.etc / "systemd" / "system" / f"{unit}.d"
         folder.mkdir(exist_ok=True)
-        (folder / f"{len(list(folder.iterdir()))}.conf").write_text(text)
+        (folder / f"{unit}-{len(list(folder.iterdir()))}.conf").write_text(text)
 
     def __enter__(self) -> Self:
         site = sysconfig.get_path("purelib")
-        shown = ["/usr:/usr", f"{sys.base_prefix}:/opt/rsc-swarm/python", f"{site}:/opt/rsc-swarm/site", f"{PROJECT}:/opt/rsc-swarm/src"]
+        shown = {
+            "/usr": "/usr",
+            sys.base_prefix: f"{_HOME}/python",
+            site: f"{_HOME}/site",
+            str(PROJECT): f"{_HOME}/src",
+        }
+        places = map(":".join, shown.items())
         kinds = ("mount", "pid", "net", "cgroup", "uts", "ipc", "fork", "kill-child")
         self._manager = subprocess.Popen(
-            ["unshare", *(f"--{kind}" for kind in kinds), "bash", "-c", _ROOM, "room", str(self._root), *shown],
+            ["unshare", *(f"--{kind}" for kind in kinds), "bash", "-c", _ROOM, "room", str(self._root), *places],
             stdout=self._log, stderr=self._log, stdin=subprocess.DEVNULL, preexec_fn=self._go_below,
         )  # fmt: skip
         deadline = time.monotonic() + 20.0
         while not self._is_up():
-            assert time.monotonic() < deadline and self._manager.poll() is None, self.log
+            assert self._manager.poll() is None, self.log
+            assert time.monotonic() < deadline, self.log
             time.sleep(0.1)
         return self
 
@@ -153,7 +165,9 @@ class Machine:
         """Let this process, and the manager that it becomes, be in cgroups of their own."""
         for line in Path("/proc/self/cgroup").read_text().splitlines():
             _, kinds, path = line.split(":", 2)
-            name = kinds.removeprefix("name=") or ("" if Path(_CGROUPS, "cgroup.controllers").exists() else "unified")
+            name = kinds.removeprefix("name=") or (
+                "" if Path(_CGROUPS, "cgroup.controllers").exists() else "unified"
+            )
             if name in ("memory", "pids", "devices", "systemd", "unified", ""):
                 below = Path(_CGROUPS, name, path.strip("/"), f"{_BELOW}-{os.getppid()}")
                 if below.parent.is_dir():
@@ -171,7 +185,9 @@ class Machine:
 
     def start(self, *words: str) -> "subprocess.Popen[str]":
         """As `run`, beside us; what it says is thrown away."""
-        return subprocess.Popen([*self._within(), *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True)
+        return subprocess.Popen(
+            [*self._within(), *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True
+        )
 
     def _within(self) -> list[str]:
         children = Path(f"/proc/{self._manager.pid}/task/{self._manager.pid}/children").read_text().split()
@@ -189,7 +205,7 @@ class Machine:
 
     def said(self, unit: str) -> str:
         """What a service has said."""
-        return self.run("cat", f"/var/log/{unit}").stdout
+        return self.run("cat", f"/var/log/{unit}.service").stdout
 
     def until(self, unit: str, name: str, value: str, timeout_s: float) -> None:
         """Wait for a property of a unit."""
@@ -205,5 +221,7 @@ class Machine:
         self._manager.wait()
         self._log.close()
         time.sleep(0.2)
-        for folder in sorted(Path(_CGROUPS).rglob(f"{_BELOW}-{os.getpid()}/**/"), key=lambda path: -len(path.parts)):
+        for folder in sorted(
+            Path(_CGROUPS).rglob(f"{_BELOW}-{os.getpid()}/**/"), key=lambda path: -len(path.parts)
+        ):
             folder.rmdir()

@@ -136,7 +136,9 @@ def test_of_two_who_are_to_be_linked_each_looks_for_the_other(mixed: bool) -> No
 
 def test_an_address_that_is_taken_is_told(band: Band) -> None:
     band.join(name_of(0), None)
-    with pytest.raises(LinkError, match=r"cannot listen at udp/127.0.0.1:\d+: another program does. Is this fleet in the air"):
+    with pytest.raises(
+        LinkError, match=r"cannot listen at udp/127.0.0.1:\d+: another program does. Is this fleet in the air"
+    ):
         AirLink("rsc", End(name_of(1), band.addresses[0]))
 
 
@@ -144,7 +146,9 @@ def test_an_address_that_is_taken_is_told(band: Band) -> None:
 def test_an_address_of_no_machine_or_of_another_is_told(protocol: str) -> None:
     for host, why in (("203.0.113.9", "Cannot assign requested address"), ("nowhere.invalid", "")):
         address = f"{protocol}/{host}:7450"
-        with pytest.raises(LinkError, match=rf"cannot listen at {address} \({why}.*\): give an address of this machine"):
+        with pytest.raises(
+            LinkError, match=rf"cannot listen at {address} \({why}.*\): give an address of this machine"
+        ):
             check_free(address)
 
 

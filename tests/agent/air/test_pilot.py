@@ -136,3 +136,9 @@ def test_every_phase_can_be_left_and_reached() -> None:
     assert {phase for phase, _ in TABLE} == set(Phase)
     assert set(TABLE.values()) == set(Phase)
     assert {event for _, event in TABLE} == set(Event)
+
+
+def test_who_has_landed_says_so_though_it_is_still_being_told_to_land() -> None:
+    landing = Pilot(Phase.LAND, 0.0)
+    after = step(landing, CALM._replace(now=9.0, order=Order.LAND), PATIENCE)
+    assert (after.phase, after.reasons) == (Phase.GROUND, ("landed",))

