@@ -120,7 +120,9 @@ def _told(pilot: Pilot, event: Event, facts: Facts) -> tuple[str, ...]:
     """Why, where the guard has nothing to say."""
     if facts.order and event not in _OF_ITSELF:
         return (f"ordered to {facts.order}",)
-    if event in (Event.LAND, Event.KILL) and not (pilot.phase is Phase.HOLD and facts.now >= pilot.land_at):
+    if event is Event.LAND and pilot.phase is Phase.HOLD and facts.now >= pilot.land_at:
+        return (f"has held for {facts.now - pilot.since:.0f} s",)
+    if event in (Event.LAND, Event.KILL):
         return (f"the vehicle does so by itself: {facts.mode}",)
     return (str(event),)
 

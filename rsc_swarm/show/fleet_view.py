@@ -14,31 +14,25 @@ from agent.air.pilot import Phase
 from protocols.wire.operator import Order
 from rsc_swarm.air.desk import Desk
 from rsc_swarm.air.station import Station
+from rsc_swarm.flight.ranges import written
 from rsc_swarm.show.keyboard import Keyboard
 from rsc_swarm.show.render import console
 
+_HEADINGS = (
+    "drone", "phase", "x m", "y m", "z m", "battery", "age ms", "clock ms", "hears", "slot", "missed",
+)  # fmt: skip
+_WIDE, _NARROW = 80, 6  # columns of a terminal for all of them; how many of them fit in half of that
 _REDRAW_S = 0.25
 _RED_S = 2.0
 _MOST_COMPLAINTS = 6
 _GIVEN_UP = (Phase.HOLD, Phase.LAND, Phase.DEAD)
 
 
-def table(station: Station, now: float) -> Table:
-    """Every drone, a row each."""
+def table(station: Station, now: float, width: int = _WIDE) -> Table:
+    """Every drone, a row each; in a narrow terminal what counts most."""
     shown = Table(box=None, pad_edge=False)
-    for heading in (
-        "drone",
-        "phase",
-        "x m",
-        "y m",
-        "z m",
-        "age ms",
-        "battery",
-        "clock ms",
-        "hears",
-        "slot",
-        "missed",
-    ):
+    headings = _HEADINGS if width >= _WIDE else _HEADINGS[:_NARROW]
+    for heading in headings:
         shown.add_column(heading, justify="left" if heading == "phase" else "right", no_wrap=True)
     lost, known = set(station.lost(now)), station.contacts.known()
     for drone in range(station.plan.mission.agents):
@@ -48,10 +42,11 @@ def table(station: Station, now: float) -> Table:
             continue
         beacon = contact.beacon
         clock = "" if account.clock_ms is None else f"{account.clock_ms:.0f}"
-        shown.add_row(
-            str(drone), account.phase, *(f"{metres:.2f}" for metres in beacon.p), f"{beacon.age_ms}", f"{beacon.battery} %",
+        told = (
+            str(drone), account.phase, *(f"{metres:.2f}" for metres in beacon.p), f"{beacon.battery} %", f"{beacon.age_ms}",
             clock, f"{len(account.heard)}", f"{account.slot}", f"{account.missed}",
         )  # fmt: skip
+        shown.add_row(*told[: len(headings)])
     return shown
 
 
@@ -65,15 +60,20 @@ def troubles_text(station: Station, now: float) -> Text:
     """Whether preflight is green, or what speaks against flying; in flight, who does not fly on and why."""
     red = station.red(now)
     if station.in_flight(now):
-        red += [
-            f"drone {drone}: {phase}, {'; '.join(station.accounts[drone].reasons)}"
-            for drone, phase in station.phases(now).items()
-            if phase in _GIVEN_UP
-        ]
+        red += _who_gave_up(station, now)
     elif not red:
         return Text("preflight is green", "green")
     more = len(red) - _MOST_COMPLAINTS
     return Text("\n".join(red[:_MOST_COMPLAINTS] + ([f"and {more} more"] if more > 0 else [])), "red")
+
+
+def _who_gave_up(station: Station, now: float) -> list[str]:
+    """Who does not fly on, and why; those together that have the same to say."""
+    same: dict[str, list[int]] = {}
+    for drone, phase in station.phases(now).items():
+        if phase in _GIVEN_UP:
+            same.setdefault(f"{phase}, {'; '.join(station.accounts[drone].reasons)}", []).append(drone)
+    return [f"drone{'s' if drones[1:] else ''} {written(drones)}: {told}" for told, drones in same.items()]
 
 
 class FleetView:
@@ -116,7 +116,11 @@ class FleetView:
         desk = [Text(f"> {self._desk.typed}"), Text(self._desk.answer, "dim")] if self._keyboard.here else []
         status = Text(order_text(station), "bold")
         return Group(
-            Text(self._title, "bold"), *desk, status, troubles_text(station, now), table(station, now)
+            Text(self._title, "bold"),
+            *desk,
+            status,
+            troubles_text(station, now),
+            table(station, now, self._console.width),
         )
 
     def __enter__(self) -> Self:

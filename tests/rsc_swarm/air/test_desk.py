@@ -1,12 +1,15 @@
 """What an operator types, and what is ordered then."""
 
+import io
+
 import pytest
+from rich.console import Console
 
 from agent.air.pilot import Phase
 from protocols.wire.operator import Order
 from rsc_swarm.air.desk import Desk
 from rsc_swarm.air.station import Station
-from rsc_swarm.show.fleet_view import order_text, troubles_text
+from rsc_swarm.show.fleet_view import order_text, table, troubles_text
 from tests.rsc_swarm.air.stations import hear, station
 
 NOW = 100.0
@@ -99,3 +102,21 @@ def test_an_order_is_not_carried_on_by_who_is_not_heard() -> None:
     for key in "go\n":
         desk.press(key, fleet, 0, NOW)
     assert desk.answer.startswith("go: preflight is not green: drone 0: is not heard at udp/127.0.0.1:7451")
+
+
+def test_who_does_not_fly_on_is_told_with_the_reason_once_for_all_that_share_it() -> None:
+    fleet = station()
+    hear(fleet, NOW, *[Phase.HOLD] * 3, Phase.FLY, Phase.LAND, Phase.HOLD)
+    assert troubles_text(fleet, NOW).plain == "drones 0-2,5: hold, climbed\ndrone 4: land, climbed"
+
+
+@pytest.mark.parametrize(("width", "columns"), [(120, 11), (80, 11), (79, 6), (40, 6)])
+def test_the_table_fits_on_the_terminal(width: int, columns: int) -> None:
+    fleet = station()
+    hear(fleet, NOW, Phase.GROUND)
+    shown = table(fleet, NOW, width)
+    assert len(shown.columns) == columns
+    told = io.StringIO()
+    Console(file=told, width=width).print(shown)
+    assert "…" not in told.getvalue()
+    assert len(told.getvalue().splitlines()) == 1 + 6
