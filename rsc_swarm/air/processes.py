@@ -5,7 +5,6 @@ import sys
 import time
 from pathlib import Path
 
-from agent.air.listening import check_free
 from agent.air.trouble import Trouble
 from protocols.errors import ExitCode
 from protocols.fleet.plan import Plan
@@ -24,16 +23,8 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
 
     A drone that is gone is told of, and not started again: its vehicle is landing by its own failsafe. If this process is
     killed, the drones land too.
-
-    Raises:
-        protocols.wire.keys.LinkError: an address of theirs is taken, by another fleet perhaps; then nothing is started.
     """
     radios = radios_of(plan)
-    for address in (
-        *map(plan.fleet.address, range(plan.mission.agents)),
-        *(radio.endpoint for radio in radios),
-    ):
-        check_free(address)
     for doubt in (doubt for radio in radios for doubt in radio.doubts):
         print(f"rsc-swarm: {doubt}", file=sys.stderr, flush=True)
     load(plan)

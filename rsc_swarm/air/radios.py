@@ -9,6 +9,7 @@ import sys
 from dataclasses import asdict
 from typing import NamedTuple, NoReturn
 
+from agent.air.listening import check_free
 from protocols.fleet.document import DroneSpec, FleetError, PositionSource
 from protocols.fleet.plan import Plan
 from protocols.keeper import Limits
@@ -110,6 +111,13 @@ def radio_of(plan: Plan, dongle: int | None) -> Radio:
     raise FleetError(
         f"no drone of this fleet is a Crazyflie{which}: one has body: crazyflie:radio://0/80/2M/E7E7E7E701"
     )
+
+
+def check_addresses_free(plan: Plan) -> None:
+    """Raises protocols.wire.keys.LinkError if one of the addresses of a fleet on this machine is taken, by another fleet perhaps."""
+    drones = map(plan.fleet.address, range(plan.mission.agents))
+    for address in (*drones, *(radio.endpoint for radio in radios_of(plan))):
+        check_free(address)
 
 
 def be_host(radio: Radio) -> NoReturn:

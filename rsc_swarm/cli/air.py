@@ -24,6 +24,7 @@ def air(
     """Start a process for each drone of a fleet, and watch over them until asked to leave. Orders: [bold]rsc-swarm ground[/]."""
     from agent.air.trouble import Trouble, TroubleError
     from rsc_swarm.air.plans import keys_of, read_plan
+    from rsc_swarm.air.radios import check_addresses_free
 
     plan = read_plan(fleet)
     troubles = {}
@@ -32,6 +33,7 @@ def air(
         if not number.isdecimal() or int(number) >= plan.mission.agents:
             raise TroubleError(f"--trouble {each}: write the drone's number first, for example 3:loss=0.3")
         troubles[int(number)] = Trouble.parse(what)
+    check_addresses_free(plan)
     announce_compiling()
     from rsc_swarm.air.processes import fly_all
 
