@@ -114,7 +114,7 @@ def radio_of(plan: Plan, dongle: int | None) -> Radio:
 
 
 def check_addresses_free(plan: Plan) -> None:
-    """Raises protocols.wire.keys.LinkError if one of the addresses of a fleet on this machine is taken, by another fleet perhaps."""
+    """Raises protocols.wire.keys.LinkError if an address of a fleet on this machine is taken, by another fleet say."""
     drones = map(plan.fleet.address, range(plan.mission.agents))
     for address in (*drones, *(radio.endpoint for radio in radios_of(plan))):
         check_free(address)
