@@ -7,13 +7,14 @@ of this kind, so whoever runs it needs no compiler.
 import hashlib
 from collections import namedtuple
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
-from numba.core import compiler
+from numba.core import compiler, config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
@@ -184,9 +185,22 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
         numba.core.errors.NumbaError: it is none that can be compiled.
     """
     leaves, call, names = _call_of(given)
-    drafted = _draft(f"return rule({call})", {**names, "rule": rule}, leaves)
-    entry = _entry(cpu_target.target_context, drafted.fndesc)
-    return MachineCode(SYMBOL, _result_of(drafted.signature.return_type), object_code(drafted.library, entry))
+    with _lightly():
+        drafted = _draft(f"return rule({call})", {**names, "rule": rule}, leaves)
+        entry = _entry(cpu_target.target_context, drafted.fndesc)
+        made = object_code(drafted.library, entry)
+    return MachineCode(SYMBOL, _result_of(drafted.signature.return_type), made)
+
+
+@contextmanager
+def _lightly() -> Iterator[None]:
+    """Optimize lightly here: more takes a quarter of all compiling, and makes rules some per cent faster at most."""
+    settings, usual = vars(config), vars(config)["OPT"]
+    settings["OPT"] = type(usual)(1)
+    try:
+        yield
+    finally:
+        settings["OPT"] = usual  # somebody's own compiled code is none of ours
 
 
 def _result_of(kind: Any) -> Result:
