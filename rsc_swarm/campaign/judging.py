@@ -4,14 +4,15 @@
                 the pauses; no swap is undone but for the reasons in docs/slots.md
     liveness    after the last trouble is over: all living drones come to one view, and to the goal in formation, in time
 
-Who hears a lie that could be true believes it, so where drones know each other by radio alone a collision while somebody lies is
-excused; where they see each other, none is.
+Where drones know each other by radio alone, who hears a lie that could be true believes it, and who is parted from another knows
+nothing of it as soon as its last frame is too old: then collisions are excused. Where they see each other, none is.
 
 What nobody could have prevented is no breach: a drone that hangs drifts on, so what it hits while it hangs, or before it can have
 braked after, is counted as excused; so is what a dead drone hits that comes back where it died, perhaps amid the others.
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from protocols.dynamics import TICK_S
@@ -73,14 +74,25 @@ def excuse(mission: Mission, closest: str) -> str | None:
     if not text:
         return None
     agents = [int(text[1])] if "obstacle" in closest else [int(text[1]), int(text[3])]
-    liars = range(mission.agents) if mission.sensing.neighbours == "heard" else ()
-    at_s, slots = float(text[4]), draw_slots(mission).tolist()
-    for who, spells, what in ((agents, _away, "hung, or was dead,"), (liars, _lied, "lied by radio")):
-        for agent in who:
-            for begin, end in spells(mission, agent, slots[agent]):
-                if begin < at_s <= end + _BRAKING_S:
-                    return f"agent {agent} {what} from {begin:g} to {end:g} s"
+    at_s = float(text[4])
+    for what, begin, end in _reasons(mission, agents):
+        if begin < at_s <= end + _BRAKING_S:
+            return f"{what} from {begin:g} to {end:g} s"
     return None
+
+
+def _reasons(mission: Mission, agents: list[int]) -> Iterator[tuple[str, float, float]]:
+    """Why these, one drone or two that met, could not keep clear: what was so, and from when to when, in seconds."""
+    slots = draw_slots(mission).tolist()
+    for agent in agents:
+        for begin, end in _away(mission, agent, slots[agent]):
+            yield f"agent {agent} hung, or was dead,", begin, end
+    if mission.sensing.neighbours == "heard":
+        for agent in range(mission.agents):
+            for begin, end in _lied(mission, agent, slots[agent]):
+                yield f"agent {agent} lied by radio", begin, end
+        for begin, end in _parted(mission, *agents):
+            yield "they knew nothing of each other", begin + mission.memory_ticks * TICK_S, end
 
 
 def _away(mission: Mission, agent: int, slot: int) -> list[tuple[float, float]]:
@@ -101,6 +113,24 @@ def _lied(mission: Mission, agent: int, slot: int) -> list[tuple[float, float]]:
     told = [fault for fault in _befell(mission, agent, slot) if fault.kind in ("lie", "truth")]
     ends = [*(fault.at_s for fault in told[1:]), float("inf")]
     return [(fault.at_s, end) for fault, end in zip(told, ends, strict=False) if fault.kind == "lie"]
+
+
+def _parted(mission: Mission, one: int, other: int | None = None) -> list[tuple[float, float]]:
+    """When the radio was parted between two drones: (from, to) in seconds. None where there is but one."""
+    spells, since = [], None
+    for fault in sorted(mission.faults, key=lambda fault: fault.at_s):
+        if fault.kind not in ("part", "heal") or other is None:
+            continue
+        sides = [
+            next((side for side, group in enumerate(fault.groups) if who in group), -1)
+            for who in (one, other)
+        ]
+        if sides[0] != sides[1]:
+            since = fault.at_s if since is None else since
+        elif since is not None:
+            spells.append((since, fault.at_s))
+            since = None
+    return spells if since is None else [*spells, (since, float("inf"))]
 
 
 def _befell(mission: Mission, agent: int, slot: int) -> list[Fault]:

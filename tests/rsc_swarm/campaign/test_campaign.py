@@ -163,6 +163,32 @@ def test_a_lie_is_an_excuse_only_among_drones_that_see_nobody() -> None:
         assert isinstance(found, Excused) == excused
 
 
+@pytest.mark.parametrize(
+    ("neighbours", "who", "at_s", "excused"),
+    [
+        ("heard", "agents 1 and 4", 1.4, False),  # what it said before is believed for half a second
+        ("heard", "agents 1 and 4", 1.6, True),
+        ("heard", "agents 1 and 4", 3.9, True),
+        ("heard", "agents 1 and 4", 4.1, False),
+        ("heard", "agents 1 and 2", 1.6, False),  # on one side
+        ("heard", "agents 1 and 2", 2.6, True),  # parted anew
+        ("heard", "agent 1 and obstacle 4", 1.6, False),
+        ("sensed", "agents 1 and 4", 1.6, False),
+    ],
+)
+def test_a_parted_radio_is_an_excuse_only_for_drones_that_neither_see_nor_hear_each_other(
+    neighbours: str, who: str, at_s: float, excused: bool
+) -> None:
+    parted = [
+        {"at_s": 1, "kind": "part", "groups": [[0, 1, 2], [3, 4, 5, 6, 7, 8]]},
+        {"at_s": 2, "kind": "part", "groups": [[0, 1, 3], [2, 4, 5, 6, 7, 8]]},
+        {"at_s": 3, "kind": "heal"},
+    ]
+    mission = Mission(agents=9, sensing={"neighbours": neighbours}, faults=parted)
+    found = judge(mission, Flight(1, 1, collision(who, at_s), SEEN, SWAPS))
+    assert isinstance(found, Excused) == excused
+
+
 def test_a_swap_may_be_undone_for_the_reasons_that_are_stated() -> None:
     undone = replace(SEEN, undone=1)
     assert judge(HUNG, Flight(1, 1, SOUND, undone, {**SWAPS, "timed_out": 1})) is None
