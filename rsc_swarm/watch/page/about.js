@@ -6,18 +6,18 @@ import { glyph } from "./timeline.js";
 
 const line = (colour, more = "") => `<line x1="1" y1="8" x2="29" y2="8" stroke="var(--${colour})" ${more.includes("width") ? "" : 'stroke-width="3"'} ${more}/>`;
 const LEGEND = [
-  ['<path d="m9 2 13 6-13 6 3-6z" fill="var(--drone)"/>', "drone: number, slot, where it heads"],
-  [line("good"), "edge of the formation: length right"],
+  ['<path d="m9 2 13 6-13 6 3-6z" fill="var(--drone)"/>', "drone: number, slot, heading"],
+  [line("good"), "edge: length right"],
   ['<circle cx="15" cy="8" r="6" fill="none" stroke="var(--frozen)" stroke-width="2"/>', "drone that hangs"],
-  [line("fair"), "more than half of what is allowed off"],
-  ['<path d="m10 3 10 10M20 3 10 13" stroke="var(--bad)" stroke-width="3"/>', "where a drone was lost"],
-  [line("bad"), "off by more than allowed"],
-  ['<path d="M9 8h12M15 2v12" stroke="var(--soft)" stroke-width="1.5"/>', "where a slot is to be now"],
-  ['<circle cx="15" cy="8" r="6" fill="var(--obstacle)"/><circle cx="15" cy="8" r="7.5" fill="none" stroke="var(--bad)" stroke-dasharray="2 2"/>', "obstacle; inside the ring is a collision"],
-  [line("ink", 'stroke-width="1.5"'), "where a drone plans to be next"],
+  [line("fair"), "edge: off by half of what is allowed"],
+  ['<path d="m10 3 10 10M20 3 10 13" stroke="var(--bad)" stroke-width="3"/>', "drone that was lost"],
+  [line("bad"), "edge: off by more"],
+  ['<path d="M9 8h12M15 2v12" stroke="var(--soft)" stroke-width="1.5"/>', "place of a slot now"],
+  ['<circle cx="15" cy="8" r="6" fill="var(--obstacle)"/><circle cx="15" cy="8" r="7.5" fill="none" stroke="var(--bad)" stroke-dasharray="2 2"/>', "obstacle; in the ring is a collision"],
+  [line("ink", 'stroke-width="1.5"'), "where a drone plans to be"],
   [line("carried", 'opacity=".4" stroke-width="5"'), "radio, last 0.2 s: heard"],
-  [line("missed", 'stroke-dasharray="4 4"'), "radio: a frame was lost"],
-  [line("delayed", 'stroke-dasharray="2 4"'), "radio: a frame came late"],
+  [line("missed", 'stroke-dasharray="4 4"'), "radio: a frame lost"],
+  [line("delayed", 'stroke-dasharray="2 4"'), "radio: a frame late"],
 ];
 
 const KEYS = [

@@ -115,7 +115,7 @@ function status(moment) {
   const looking = !play.live || over;
   const [text, kind] = report && play.time >= recording.end - 0.01 ? (report.success ? ["success", "live"] : [report.failure ?? "failed", "failed"])
     : hands.pace?.paused && !over ? ["flight paused", "paused"] : over && !report && !recording.replay ? ["the flight is over", ""] : looking ? (play.on ? [recording.replay ? "replay" : "looking back", ""] : ["paused", "paused"]) : ["live", "live"];
-  if (!recording.pictures.length) $("state").textContent = connected ? (/^waiting/.test($("state").textContent) ? $("state").textContent : "waiting for the drones") : "not connected";
+  if (!recording.pictures.length) $("state").textContent = connected ? (/^waiting/.test($("state").textContent) ? $("state").textContent : recording.scene ? "taking in the flight" : "waiting for the drones") : "not connected";
   else { $("state").textContent = text; $("state").className = `pill ${kind}`; }
   $("play").textContent = play.on ? "❚❚" : "▶";
   $("live").setAttribute("aria-pressed", String(play.live && !over));

@@ -132,11 +132,14 @@ export class Panel {
     for (const [id, view] of [["believed", believed], ["true", so]]) {
       const { context: c, width, height } = fitted(document.getElementById(id));
       const scale = Math.min((width - 24) / (wide || 1), (height - 22) / (high || 1));
-      c.font = `${Math.max(6, Math.min(12, scale * scene.spacing_m * 0.6))}px system-ui, sans-serif`; c.textAlign = "center"; c.textBaseline = "middle";
+      const size = scale * scene.spacing_m * 0.6; // too small for numbers: dots, and larger ones where it matters
+      c.font = `${Math.min(12, size)}px system-ui, sans-serif`; c.textAlign = "center"; c.textBaseline = "middle";
       for (const [other, slot] of view) {
         const [x, y] = scene.offsets_m[slot];
         c.fillStyle = wrong.has(other) ? ink.bad : other === drone ? ink.accent : ink.ink;
-        c.fillText(`${other}`, width / 2 + (x - left - wide / 2) * scale, height / 2 - (y - low - high / 2) * scale);
+        const at = [width / 2 + (x - left - wide / 2) * scale, height / 2 - (y - low - high / 2) * scale];
+        if (size >= 6) c.fillText(`${other}`, ...at);
+        else { c.beginPath(); c.arc(...at, wrong.has(other) || other === drone ? 3 : Math.max(0.7, size / 3), 0, 7); c.fill(); }
       }
     }
   }

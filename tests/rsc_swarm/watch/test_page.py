@@ -121,6 +121,9 @@ def test_a_flight_in_the_browser(tmp_path: Path) -> None:
             left, top = page.value(f"(() => {{ const box = {button}; return [box.x + 8, box.y + 8]; }})()")
             page.page.mouse.click(left, top, delay=400)  # longer than a panel stays the same
             page.until("page.chosen.size === 0")
+            page.page.set_viewport_size({"width": 1180, "height": 700})  # a smaller window is a smaller page
+            page.until("document.getElementById('field').clientWidth === 1180")
+            assert page.page.is_visible("#help")
             page.page.keyboard.press("Home")
             assert page.value("page.play.time") == 0
             page.page.keyboard.press("?")
