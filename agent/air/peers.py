@@ -152,7 +152,9 @@ class AirLink(Closing):
         return heard
 
     def close(self) -> None:
-        leaving = threading.Thread(target=self._leave, daemon=True)
+        # No daemon: where farewells still wait for an answer, the process has to end without taking Python down around Zenoh's
+        # threads (rsc_swarm.cli.main), or one of them aborts it.
+        leaving = threading.Thread(target=self._leave)
         leaving.start()
         leaving.join(_LEAVE_S)
 

@@ -98,6 +98,10 @@ def test_a_drone_on_the_air_flies_is_started_again_when_it_hangs_and_lands_befor
         operator.terminate()
         operator.wait(60)
 
+        assert machine.systemctl("start", unit, timeout_s=300) == "", machine.said(unit)
+        assert machine.systemctl("stop", unit) == ""  # nobody is there who would answer its farewell
+        assert machine.show(unit, "ActiveState", "Result") == ["inactive", "success"], machine.said(unit)
+
 
 def test_a_world_and_its_drones_fly_as_services(machine: Machine) -> None:
     folder = machine.etc / "rsc-swarm"
@@ -113,6 +117,12 @@ def test_a_world_and_its_drones_fly_as_services(machine: Machine) -> None:
         (process,) = machine.show(drones[0], "MainPID")
         machine.run("kill", "-STOP", process)
         machine.until(drones[0], "NRestarts", "1", 60)
+        machine.until(drones[0], "ActiveState", "active", 60)
+        assert machine.systemctl("stop", drones[0]) == ""
+        assert machine.show(drones[0], "ActiveState", "Result") == ["inactive", "success"], machine.said(
+            drones[0]
+        )
+        assert machine.systemctl("start", drones[0], timeout_s=300) == "", machine.said(drones[0])
         assert machine.systemctl("start", "rsc-swarm-world", timeout_s=300) == "", machine.said(
             "rsc-swarm-world"
         )
