@@ -49,7 +49,7 @@ _HORIZONS = (
     (30, Paper(81.5, 13.32, 11.17, 3.0)),
     (40, Paper(82.5, 13.62, 13.48, 2.5)),
 )
-_TRAINED = (40,)  # besides 20
+_TRAINED = (30, 40)  # besides 20
 _EXPERT = Paper(96.0, 13.06, None, 3.0)
 
 
