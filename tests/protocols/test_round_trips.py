@@ -13,6 +13,7 @@ from protocols.wire import messages, pieces
 from protocols.wire.frames import MAX_FRAME_BYTES, REASONS
 from protocols.wire.login import Login
 from protocols.wire.messages import Farewell, FromDrone, Hello, Ready, Reply, Tick, make_tick
+from protocols.wire.planned import PLAN_BYTES
 from protocols.wire.sensed import (
     DISC,
     MAX_NEAR,
@@ -56,7 +57,16 @@ SAID = st.one_of(
     made(Hello),
     made(Ready),
     made(Farewell, status=STATUS),
-    made(Reply, tick=TICK, ax=PUSH, ay=PUSH, slot=SLOT, frame=st.none() | SENT, status=st.none() | STATUS),
+    made(
+        Reply,
+        tick=TICK,
+        ax=PUSH,
+        ay=PUSH,
+        slot=SLOT,
+        frame=st.none() | SENT,
+        status=st.none() | STATUS,
+        plan=st.just(b"") | st.binary(min_size=PLAN_BYTES, max_size=PLAN_BYTES),
+    ),
 )
 
 
