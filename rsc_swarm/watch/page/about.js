@@ -14,7 +14,7 @@ const LEGEND = [
   [line("bad"), "edge: off by more"],
   ['<path d="M9 8h12M15 2v12" stroke="var(--soft)" stroke-width="1.5"/>', "place of a slot now"],
   ['<circle cx="15" cy="8" r="6" fill="var(--obstacle)"/><circle cx="15" cy="8" r="7.5" fill="none" stroke="var(--bad)" stroke-dasharray="2 2"/>', "obstacle; in the ring is a collision"],
-  [line("ink", 'stroke-width="1.5"'), "where a drone plans to be"],
+  [line("ink", 'stroke-width="1.5"') + '<circle cx="28" cy="8" r="2" fill="var(--ink)"/>', "where a drone plans to be"],
   [line("carried", 'opacity=".4" stroke-width="5"'), "radio, last 0.2 s: heard"],
   [line("missed", 'stroke-dasharray="4 4"'), "radio: a frame lost"],
   [line("delayed", 'stroke-dasharray="2 4"'), "radio: a frame late"],

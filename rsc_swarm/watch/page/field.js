@@ -90,8 +90,8 @@ export function draw(canvas, camera, recording, moment, shown, chosen) {
   if (shown.trails) trails(c, camera, ink, recording, moment);
   if (shown.links) links(c, camera, ink, moment, chosen);
   if (shown.edges) edges(c, camera, ink, scene, moment);
-  if (shown.plans) plans(c, camera, ink, moment);
   drones(c, camera, ink, moment, shown, chosen);
+  if (shown.plans) plans(c, camera, ink, moment);
 }
 
 function grid(c, camera, ink, scene) {
@@ -188,19 +188,24 @@ function links(c, camera, ink, moment, chosen) {
   c.globalAlpha = 1; c.setLineDash([]);
 }
 
-/** Where drones plan to be next, as far as they tell. */
+/** Where drones plan to be next, as far as they tell: over the drones, since a fifth of a second is no longer than they are. */
 function plans(c, camera, ink, moment) {
-  const { ahead, points } = moment.plans;
-  c.strokeStyle = ink.ink; c.globalAlpha = 0.8; c.lineWidth = Math.max(1, Math.min(2, camera.scale / 10));
+  const { ahead, points } = moment.plans, dot = Math.max(1, Math.min(2.5, camera.scale / 8)), ends = [];
+  c.strokeStyle = c.fillStyle = ink.ink; c.lineWidth = Math.max(1, Math.min(2, camera.scale / 10));
   c.beginPath();
   for (let drone = 0; 2 * drone * ahead < points.length; drone++) {
     const row = drone * COLUMNS;
     if (moment.drones[row + STATE] !== FLYING) continue;
     c.moveTo(camera.sx(moment.drones[row + X]), camera.sy(moment.drones[row + Y]));
+    let end = null;
     for (let at = 2 * drone * ahead; at < 2 * (drone + 1) * ahead; at += 2)
-      if (!Number.isNaN(points[at])) c.lineTo(camera.sx(points[at]), camera.sy(points[at + 1]));
+      if (!Number.isNaN(points[at])) c.lineTo(...(end = [camera.sx(points[at]), camera.sy(points[at + 1])]));
+    if (end) ends.push(end);
   }
-  c.stroke(); c.globalAlpha = 1;
+  c.stroke();
+  c.beginPath();
+  for (const [x, y] of ends) { c.moveTo(x + dot, y); c.arc(x, y, dot, 0, 7); }
+  c.fill();
 }
 
 function edges(c, camera, ink, scene, moment) {
