@@ -103,18 +103,21 @@ class FlightOptions(ViewOptions):
     ] = False
 
 
+DaskWorkers = Annotated[
+    str | None,
+    typer.Option(
+        metavar="local:N|ADDRESS",
+        help="Fly on Dask workers instead: so many on this machine, or those of a scheduler, tcp://host:8786.",
+    ),
+]
+
+
 @dataclass(frozen=True)
 class WhoOptions:
     """Options of every command that flies many times: who flies."""
 
     workers: Annotated[int | None, typer.Option(help="Processes to fly with. (one per processor)")] = None
-    on: Annotated[
-        str | None,
-        typer.Option(
-            metavar="local:N|ADDRESS",
-            help="Fly on Dask workers instead: so many on this machine, or those of a scheduler, tcp://host:8786.",
-        ),
-    ] = None
+    on: DaskWorkers = None
 
     def checked(self) -> "Who":
         """What is asked for.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import announce_compiling, app, examples, with_options
+from rsc_swarm.cli.app import DaskWorkers, announce_compiling, app, examples, with_options
 from rsc_swarm.machine.leaving import unwind_when_asked
 
 if TYPE_CHECKING:
@@ -25,13 +25,7 @@ class Machines:
 
     device: Annotated[str, typer.Option(help="auto, cpu or cuda; auto takes a GPU if there is one.")] = "auto"
     threads: Annotated[int | None, typer.Option(min=1, help="Of torch. (one per processor)")] = None
-    on: Annotated[
-        str | None,
-        typer.Option(
-            metavar="local:N|ADDRESS",
-            help="Fly on Dask workers instead: so many on this machine, or those of a scheduler, tcp://host:8786.",
-        ),
-    ] = None
+    on: DaskWorkers = None
 
 
 @app.command(
