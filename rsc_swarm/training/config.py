@@ -119,6 +119,7 @@ class TrainingConfig(BaseModel):
         False, description="end where the validation error got better by less than 1 % in the last fifth"
     )
     bfloat16: Flag = Field(True, description="multiply in bfloat16 where the processor can")
+    float16: Flag = Field(False, description="the model file keeps weights in half precision: half its size")
     seed: Annotated[Whole, Field(ge=0, lt=2**31)] = 0
 
     @property
@@ -205,6 +206,7 @@ _PAPER: dict[str, Any] = {
     "clip": 1.0,  # without it a training collapsed (docs/paper.md)
     "validation_maps": 8,
     "plateau": True,
+    "float16": True,
 }
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},

@@ -1,5 +1,6 @@
 """A trained network as a model file, checked against torch, and its note with everything a drone must know about it."""
 
+import copy
 import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,6 +25,7 @@ from rsc_swarm.training.network import PolicyNetwork
 OPSET = 17
 VERSION, FEATURES = "1", "1"
 TOLERANCE = 1e-5
+_MANY = 1024  # numbers in a tensor, from which on halving it is worth a node in the file
 
 
 class ModelFile(nn.Module):
@@ -57,7 +59,7 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     Raises:
         TrainingError: the file's outputs differ from torch's by more than 1e-5, or that share of the largest where it is above 1.
     """
-    model = ModelFile(network).eval()
+    model = ModelFile(rounded(network) if config.float16 else network).eval()
     names = list(inputs_of(config))
     example = tuple(torch.zeros(2, *shape) for shape in inputs_of(config).values())
     outputs = ["displacement", "acceleration"]
@@ -78,6 +80,8 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     for output in document.graph.output:  # the exporter cannot tell all their sizes
         _, steps, axes = output.type.tensor_type.shape.dim
         steps.dim_value, axes.dim_value = config.horizon, 2
+    if config.float16:
+        halve(document)
     onnx.helper.set_model_props(document, metadata(config))
     onnx.checker.check_model(document)
     data = document.SerializeToString()
@@ -90,6 +94,32 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     write_whole(path, data)
     describe(path)
     return difference
+
+
+def rounded(network: PolicyNetwork) -> PolicyNetwork:
+    """A copy of which every large tensor of weights is exact in half precision."""
+    network = copy.deepcopy(network)
+    with torch.no_grad():
+        for weights in network.parameters():
+            if weights.numel() >= _MANY:
+                weights.copy_(weights.half())
+    return network
+
+
+def halve(document: onnx.ModelProto) -> None:
+    """Keep large tensors that are exact in half precision as such: it flies as before, from a file of half the size.
+
+    They are cast back when the model is opened.
+    """
+    for place, tensor in enumerate(document.graph.initializer):
+        values = onnx.numpy_helper.to_array(tensor)
+        half = values.astype(np.float16)
+        if values.dtype != np.float32 or values.size < _MANY or not np.array_equal(half, values):
+            continue
+        name, kept = tensor.name, f"{tensor.name}.half"
+        cast = onnx.helper.make_node("Cast", [kept], [name], to=onnx.TensorProto.FLOAT)
+        document.graph.initializer[place].CopyFrom(onnx.numpy_helper.from_array(half, kept))
+        document.graph.node.insert(0, cast)
 
 
 def metadata(config: TrainingConfig) -> dict[str, str]:

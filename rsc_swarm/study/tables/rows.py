@@ -9,8 +9,8 @@ from rsc_swarm.study.tables.letter import letter_rows
 from rsc_swarm.study.tables.table import Paper, Place, Row, Table, Way
 
 _PLAIN = Place("", "", MissionOptions())
-_LETTER = Place("", "", MissionOptions(mission="paper"))
 _ALONE, _OURS = Way("", ""), Way("ours", "ours")
+_LETTER = Way("letter", "to the letter")
 # The paper has none of ours: the safety filter, detours, swaps with any drone in contact.
 _PAPERS_SWAPS = ("swap.rule=tree", "swap.cooldown_s=1")
 _NO_DETOUR = "detour=false"
@@ -40,7 +40,18 @@ def _analytic(place: Place) -> Iterator[Row]:
     yield Row(place, "Analytic", _OURS, "analytic")
 
 
+def _lettered(place: Place) -> Place:
+    """The same place, with mission ``paper``: the paper's control to the letter."""
+    return replace(place, options=replace(place.options, mission="paper"))
+
+
 def _rsc(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row]:
+    """The three ways: the paper to the letter, the paper's control with our network, and ours."""
+    yield Row(_lettered(place), f"RSC-H{horizon}", _LETTER, f"rsc-h{horizon}-paper", paper)
+    yield from _our_network(place, horizon, paper)
+
+
+def _our_network(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row]:
     for way in (_papers_way(horizon), _OURS):
         yield Row(place, f"RSC-H{horizon}", way, f"rsc-h{horizon}", paper)
 
@@ -48,10 +59,12 @@ def _rsc(place: Place, horizon: int, paper: Paper | None = None) -> Iterator[Row
 def _table_1() -> Iterator[Row]:
     papers_expert = Paper(96.0, 13.06, None, 3.0)
     yield _expert(_PLAIN, papers_expert)
-    yield Row(_LETTER, "Expert", Way("letter", "the paper's, to the letter"), "paper-expert", papers_expert)
+    yield Row(_lettered(_PLAIN), "Expert", _LETTER, "paper-expert", papers_expert)
     yield from _analytic(_PLAIN)
     yield from _baseline(_PLAIN, "Saber", "saber", Paper(5.0, 15.47, None, 39.5))
     papers_stgnn = Paper(0.0, None, None, 72.0)
+    letter = replace(_LETTER, settings=("trajectory.blend=false",))
+    yield Row(_lettered(_PLAIN), "STGNN", letter, "stgnn-paper", papers_stgnn)
     yield Row(_PLAIN, "STGNN", _UNAIDED, "stgnn", papers_stgnn)
     yield from _baseline(_PLAIN, "STGNN", "stgnn", papers_stgnn)
     yield from _rsc(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
@@ -86,6 +99,7 @@ def _table_2() -> Iterator[Row]:
     )  # fmt: skip
     for place, papers in sizes:
         yield _expert(place, papers.get("Expert"))
+        yield Row(_lettered(place), "Expert", _LETTER, "paper-expert", papers.get("Expert"))
         yield Row(place, "Analytic", _OURS, "analytic")
         for horizon in (20, 30, 40) if papers else (20,):
             yield from _rsc(place, horizon, papers.get(f"H{horizon}"))
@@ -98,15 +112,16 @@ def _table_3() -> Iterator[Row]:
         (True, False): Paper(49.5, 13.01, 7.75, 34.0),
         (False, False): Paper(38.0, 12.08, 8.75, 36.0),
     }
-    for way in (_papers_way(20), _OURS):
+    ways = ((_LETTER, "paper", "rsc-h20-paper"), (_papers_way(20), None, "rsc-h20"), (_OURS, None, "rsc-h20"))
+    for way, mission, policy in ways:
         for (blend, swaps), paper in papers.items():
             place = Place(
                 f"{'blend' if blend else 'no-blend'}/{'swaps' if swaps else 'no-swaps'}",
                 f"{'with' if blend else 'without'} / {'with' if swaps else 'without'}",
-                MissionOptions(),
+                MissionOptions(mission=mission),
             )
             off = (() if blend else ("trajectory.blend=false",)) + (() if swaps else ("swap.rule=off",))
-            yield Row(place, "RSC-H20", replace(way, settings=way.settings + off), "rsc-h20", paper)
+            yield Row(place, "RSC-H20", replace(way, settings=way.settings + off), policy, paper)
 
 
 _HEARD = "sensing.neighbours=heard"
@@ -145,7 +160,7 @@ def _table_harder() -> Iterator[Row]:
             yield Row(place, "Analytic", _FORGETFUL, "analytic")
             yield Row(place, "Analytic", _STRAIGHT, "analytic")
         yield Row(place, "Analytic", _OURS, "analytic")
-        yield from _rsc(place, 20)
+        yield from _our_network(place, 20)
         if mission == "dense":
             yield Row(place, "RSC-H20", _STRAIGHT, "rsc-h20")
             yield Row(place, "RSC-H20", _OFTEN, "rsc-h20")
