@@ -157,7 +157,8 @@ class NewestToken(nn.Module):
     def __init__(self, past: int, width: int, heads: int, feedforward: int) -> None:
         super().__init__()
         self.past, self.split = past, (heads, width // heads)
-        self.query, self.key, self.value, self.out = (nn.Linear(width, width) for _ in range(4))
+        self.query, self.value, self.out = (nn.Linear(width, width) for _ in range(3))
+        self.key = nn.Linear(width, width, bias=False)
         self.after_attention, self.after_feedforward = nn.LayerNorm(width), nn.LayerNorm(width)
         self.feedforward = nn.Sequential(
             nn.Linear(width, feedforward), nn.ReLU(), nn.Linear(feedforward, width)
@@ -167,8 +168,11 @@ class NewestToken(nn.Module):
         """(B, L, width) to (B, width)."""
         newest = tokens[:, -1]
         # Shapes in numbers, but for B: asking tensors for theirs would put that into the model file.
-        query = self.query(newest).reshape(-1, 1, *self.split)
-        key, value = (part(tokens).reshape(-1, self.past, *self.split) for part in (self.key, self.value))
+        query = self.query(newest).reshape(-1, 1, *self.split).float()
+        # What all keys have in common changes no share. As tokens a tick apart have nearly all in common, its rounding would
+        # be most of the gradient, which Adam makes grow without end: so it is taken out first.
+        key = self.key(tokens - newest[:, None]).reshape(-1, self.past, *self.split).float()
+        value = self.value(tokens).reshape(-1, self.past, *self.split)
         score = (query * key).sum(-1, keepdim=True) * self.split[1] ** -0.5  # (B, L, heads, 1)
         seen = (score.softmax(1) * value).sum(1).reshape(-1, self.split[0] * self.split[1])
         newest = self.after_attention(newest + self.out(seen))
