@@ -35,6 +35,10 @@ _WAYS = (
     "by their leaders, agree before they swap, and remember obstacles. "
     "*Ours*: the defaults, with detours and the safety filter last. "
 )
+_TO_THE_LETTER = (
+    "*To the letter*: mission `paper`, the paper's control and expert to the letter, and networks that were trained to the "
+    "letter with 25 drones ([paper.md](paper.md)). "
+)
 _POOR_RADIO = (
     "*poor-radio*: drones sense their neighbours all the same; what gets lost is what they say of slots. "
 )
@@ -110,6 +114,7 @@ def legend(result: TableResult) -> str:
     text += _PAPERS if any(row.paper for row in rows) else ""
     text += _STRICT if any(row.strict_rate is not None for row in rows) else ""
     text += _MAE if any(row.accuracy for row in rows) else ""
+    text += _TO_THE_LETTER if any(row.way == "to the letter" for row in rows) else ""
     text += _WAYS if any(row.way == "as in the paper" for row in rows) else ""
     text += _POOR_RADIO if any(row.place.startswith("poor-radio") for row in rows) else ""
     text += _HEARD if any("heard" in row.place for row in rows) else ""
