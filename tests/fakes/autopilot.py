@@ -6,6 +6,8 @@ COM_OF_LOSS_T, it does what COM_OBL_RC_ACT says: 4 is a landing; by default it w
 ArduPilot: armed in GUIDED only; leaves the ground only by NAV_TAKEOFF. Without setpoints for GUID_TIMEOUT it stops at the last
 position it was told. Without heartbeats of its ground station for FS_GCS_TIMEOUT it lands where FS_GCS_ENABLE is 5.
 
+Where it has its origin from satellites, ArduPilot keeps that and says nothing to another; PX4 takes what it is given.
+
 Both: a landing ends disarmed; armed on the ground for 10 s, they disarm; in the air they are disarmed by force alone.
 """
 
@@ -44,9 +46,10 @@ class FakeAutopilot:
 
     Attributes that a test may set:
         frozen: it has no position any more, and says nothing of it. dead_link: nothing comes through. battery: 0 to 1.
-        needs_position: it knows where it is only while it is told. parameters: its own.
+        needs_position: it knows where it is only while it is told. parameters: its own. origin: latitude, longitude, altitude as
+        MAVLink has them, or None. lies: where that is in the room, which is where it counts from.
     Attributes to look at:
-        motion, custom_mode, armed; targets: how many setpoints it was sent; origin: what it was told, or None; fell: in m/s.
+        motion, custom_mode, armed; targets: how many setpoints it was sent; fell: in m/s.
     """
 
     def __init__(self, make: Make, start: Vector = STILL, system: int = 1, tuned: bool = True) -> None:
@@ -56,6 +59,7 @@ class FakeAutopilot:
         self.frozen = self.dead_link = self.needs_position = False
         self.battery, self.targets = 1.0, 0
         self.origin: tuple[int, int, int] | None = None
+        self.lies: Vector = STILL
         px4 = {"COM_OF_LOSS_T": 0.5 if tuned else 1.0, "COM_OBL_RC_ACT": 4.0 if tuned else 0.0}
         ardupilot = {
             "GUID_TIMEOUT": 0.5 if tuned else 3.0,
@@ -170,6 +174,7 @@ class FakeAutopilot:
         numbers.append((message.afx, message.afy, message.afz))
         used = [(message.type_mask >> shift) & 7 == 0 for shift in (0, 3, 6)]
         p, v, a = (ned(vector) if use else STILL for vector, use in zip(numbers, used, strict=True))
+        p = p[0] + self.lies[0], p[1] + self.lies[1], p[2] + self.lies[2]
         yaw = self.motion.yaw if message.type_mask & 1024 else math.pi / 2 - message.yaw
         self._goal, self._climbing_to = Goal(p, v, a, yaw), None
         return []
@@ -181,6 +186,8 @@ class FakeAutopilot:
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
         }.get(message.command)
+        if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            return self._its_origin() if message.param1 == 49 else []
         result = what(message) if what else mavlink.MAV_RESULT_UNSUPPORTED
         return [mavlink.MAVLink_command_ack_message(message.command, result)]
 
@@ -241,8 +248,13 @@ class FakeAutopilot:
         return [mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self.parameters), 0)]
 
     def _on_set_gps_global_origin(self, message: Any) -> list[Any]:
+        if self.origin and self.make is Make.ARDUPILOT:
+            return []
         self.origin = message.latitude, message.longitude, message.altitude
-        return [mavlink.MAVLink_gps_global_origin_message(*self.origin)]
+        return self._its_origin()
+
+    def _its_origin(self) -> list[Any]:
+        return [mavlink.MAVLink_gps_global_origin_message(*self.origin)] if self.origin else []
 
     def _on_vision_position_estimate(self, message: Any) -> list[Any]:
         self._measured_at = self._now
@@ -273,7 +285,8 @@ class FakeAutopilot:
                 3,
             )
         if name == "LOCAL_POSITION_NED" and self._located:
-            return mavlink.MAVLink_local_position_ned_message(ms, *ned(motion.p), *ned(motion.v))
+            x, y, z = (at - zero for at, zero in zip(motion.p, self.lies, strict=True))
+            return mavlink.MAVLink_local_position_ned_message(ms, *ned((x, y, z)), *ned(motion.v))
         if name == "ATTITUDE":
             roll, pitch, yaw = motion.tilt
             return mavlink.MAVLink_attitude_message(ms, roll, -pitch, math.pi / 2 - yaw, 0.0, 0.0, 0.0)

@@ -200,12 +200,41 @@ def test_the_room_and_north_east_down() -> None:
     assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
 
 
-def test_all_of_a_fleet_get_one_origin() -> None:
-    fake = FakeAutopilot(Make.PX4, START)
+@pytest.mark.parametrize("make", Make)
+def test_all_of_a_fleet_get_one_origin(make: Make) -> None:
+    fake = FakeAutopilot(make, START)
     flight = Flight(fake, origin="47.3977, 8.5456, 488")
     flight.vehicle.open(3.0)
     assert flight.wait(1.0).health == ()
     assert fake.origin == (473977000, 85456000, 488000)
+
+
+def test_one_that_has_its_origin_from_satellites_flies_in_the_room_all_the_same() -> None:
+    """As ArduPilot's firmware does: it keeps its own, and answers nothing."""
+    fake = FakeAutopilot(Make.ARDUPILOT, START)
+    fake.origin, fake.lies = (473977180, 85455341, 471000), (-4.97, 2.00, 0.0)
+    flight = Flight(fake, origin="47.3977, 8.5456, 488")
+    flight.climb()
+    assert flight.wait(0.1).p == pytest.approx(fake.motion.p, abs=0.05)
+    assert flight.go((2.0, 1.0), 4.0) < 0.2
+    assert fake.origin == (473977180, 85455341, 471000)
+
+
+def test_an_origin_of_elsewhere_is_told() -> None:
+    fake = FakeAutopilot(Make.ARDUPILOT, START)
+    fake.origin = (474977000, 85456000, 488000)
+    flight = Flight(fake, origin="47.3977, 8.5456, 488")
+    flight.vehicle.open(3.0)
+    (ill,) = flight.wait(1.0).health
+    assert ill.startswith("its origin is 1113")
+
+
+def test_who_knows_no_origin_knows_no_place() -> None:
+    fake = FakeAutopilot(Make.ARDUPILOT, START)
+    flight = Flight(fake, origin="47.3977, 8.5456, 488")
+    flight.wire.mav.set_gps_global_origin_send = lambda *_: None
+    with pytest.raises(VehicleError, match="says no origin of its place"):
+        flight.vehicle.open(3.0)
 
 
 def test_one_that_is_told_where_it_is_and_is_not_any_more_says_so() -> None:
