@@ -178,7 +178,8 @@ class MavlinkVehicle(Ordered):
         # At first in any case, for what comes by itself may come seldom: heartbeats, which tell who leads it, once a second.
         self._asked_streams += 1
         if self._asked_streams <= _ASKED_TIMES or now - heard.measured_at > 1.0 or math.isnan(heard.battery):
-            for number, hz in _STREAMS_HZ.items():
+            # Its origin too, again and again: ArduPilot says that it took one, and takes that of its satellites later.
+            for number, hz in (_STREAMS_HZ | ({_ORIGIN: 1} if self._origin else {})).items():
                 self._command(_SET_INTERVAL, number, 1e6 / hz)
 
     # What it says

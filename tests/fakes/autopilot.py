@@ -6,7 +6,8 @@ COM_OF_LOSS_T, it does what COM_OBL_RC_ACT says: 4 is a landing; by default it w
 ArduPilot: armed in GUIDED only; leaves the ground only by NAV_TAKEOFF. Without setpoints for GUID_TIMEOUT it stops at the last
 position it was told. Without heartbeats of its ground station for FS_GCS_TIMEOUT it lands where FS_GCS_ENABLE is 5.
 
-Where it has its origin from satellites, ArduPilot keeps that and says nothing to another; PX4 takes what it is given.
+Where it has its origin from satellites, ArduPilot keeps that and says nothing to another, or takes it after it has
+said that it took another; PX4 takes what it is given.
 
 Both: a landing ends disarmed; armed on the ground for 10 s, they disarm; in the air they are disarmed by force alone.
 """
@@ -293,6 +294,8 @@ class FakeAutopilot:
         if name == "SYS_STATUS":
             percent = round(100 * self.battery)
             return mavlink.MAVLink_sys_status_message(0, 0, 0, 100, 12000, 100, percent, 0, 0, 0, 0, 0, 0)
+        if name == "GPS_GLOBAL_ORIGIN" and self.origin:
+            return mavlink.MAVLink_gps_global_origin_message(*self.origin)
         if name == "EXTENDED_SYS_STATE":
             return mavlink.MAVLink_extended_sys_state_message(0, 1 if self.landed else 2)
         return None

@@ -220,6 +220,15 @@ def test_one_that_has_its_origin_from_satellites_flies_in_the_room_all_the_same(
     assert fake.origin == (473977180, 85455341, 471000)
 
 
+def test_one_whose_satellites_come_late_is_led_from_where_they_say() -> None:
+    """As ArduPilot's firmware does: it says that it took the room's origin, and then takes its own without a word."""
+    fake = FakeAutopilot(Make.ARDUPILOT, START)
+    flight = Flight(fake, origin="47.3977, 8.5456, 488")
+    flight.vehicle.open(3.0)
+    fake.origin, fake.lies = (473977180, 85455341, 488000), (-4.97, 2.00, 0.0)
+    assert flight.wait(2.0).p == pytest.approx(START, abs=0.05)
+
+
 def test_an_origin_of_elsewhere_is_told() -> None:
     fake = FakeAutopilot(Make.ARDUPILOT, START)
     fake.origin = (474977000, 85456000, 488000)
