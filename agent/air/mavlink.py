@@ -54,6 +54,8 @@ class Address(NamedTuple):
 class MavlinkVehicle(Ordered):
     """As agent.air.vehicle.Vehicle has it."""
 
+    lags = True  # an autopilot shapes what it is told: half a second passes until it moves as fast
+
     def __init__(
         self,
         where: str,

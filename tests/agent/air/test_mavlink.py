@@ -32,7 +32,7 @@ def test_it_flies_a_square_holds_and_lands(make: Make) -> None:
     assert math.dist(fake.motion.p, (START[0], START[1], HEIGHT)) < 0.15
     told, begun = fake.targets, flight.now
     worst = [flight.go(way, 3.0) for way in ((2.0, 0.0), (0.0, 2.0), (-2.0, 0.0), (0.0, -2.0))]
-    assert max(worst) < 0.35  # corners
+    assert max(worst) < (0.35 if make is Make.PX4 else 0.5)  # corners
     assert (fake.targets - told) / (flight.now - begun) == pytest.approx(50, rel=0.02)
     state = flight.vehicle.state()
     assert state.mode is Mode.FOLLOW
@@ -43,7 +43,7 @@ def test_it_flies_a_square_holds_and_lands(make: Make) -> None:
     assert state.age_s < 0.05
     assert 0.9 < state.battery <= 1.0
     flight.vehicle.hold()
-    held = flight.wait(2.0)
+    held = flight.wait(2.0 if make is Make.PX4 else 6.0)
     assert held.mode is Mode.HOLD
     assert math.hypot(*held.v) < 0.05
     flight.vehicle.land()
@@ -216,7 +216,7 @@ def test_one_that_has_its_origin_from_satellites_flies_in_the_room_all_the_same(
     flight = Flight(fake, origin="47.3977, 8.5456, 488")
     flight.climb()
     assert flight.wait(0.1).p == pytest.approx(fake.motion.p, abs=0.05)
-    assert flight.go((2.0, 1.0), 4.0) < 0.2
+    assert flight.go((2.0, 1.0), 4.0) < 0.3
     assert fake.origin == (473977180, 85455341, 471000)
 
 
