@@ -33,7 +33,7 @@ from rsc_swarm.machine.priority import give_way
 from rsc_swarm.machine.streams import mute_stream
 
 _PR_SET_PDEATHSIG = 1
-_LEAVE_WITHOUT_LAUNCHER_S = 3.0
+_LEAVE_WITHOUT_LAUNCHER_S = 10.0  # to save a flight and tidy up takes a busy machine some
 _ZENOH_THREAD = re.compile(r"(app|acc|tx|rx|net)-\d+")
 
 _libc = ctypes.CDLL(None, use_errno=True)
