@@ -179,7 +179,11 @@ class Director:
         decided = world in self._seen
         counted = self.core.counted if decided else self.core.tally
         if not self.core.active[world]:
-            self.statuses.update((row, status) for row, status in self._swarm.farewell() if row in rows)
+            last = (farewell for farewell in self._swarm.farewell() if farewell[0] in rows)
+            possible = self.invariants[world].may_be
+            self.statuses.update(
+                (row, status) for row, status in last if possible(self.clock, row - rows.start, status)
+            )
         return Flown(
             outcome=outcome,
             tally=dict(zip(TALLY, counted[world].tolist(), strict=True)),

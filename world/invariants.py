@@ -99,6 +99,10 @@ class Invariants:
         self.says[agent] = status.slot
         return self._compare(tick, agent, status)
 
+    def may_be(self, tick: int, agent: int, status: AgentStatus) -> bool:
+        """Whether a drone's last account, given after this tick, can be true. It is held against nobody any more."""
+        return self._impossible(tick, agent, status) is None
+
     def claims(self, tick: int, claim: NDArray[np.int64], flying: NDArray[np.bool_]) -> Discredited:
         """The slots (N,) that drones say they hold at this tick; returns who of those that fly gave another account of itself."""
         wrong = np.flatnonzero((claim != self.says) & flying).tolist()

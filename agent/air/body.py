@@ -2,7 +2,9 @@
 
 What is sensed is the vehicle's own state and what obstacles are known, both turned into the mission's frame; neighbours are known
 from frames alone. What is wanted, an acceleration, goes into a reference by which the vehicle is led: it is integrated as the
-mission's dynamics have it, and leaks towards what is measured, so that the two cannot part.
+mission's dynamics have it, and leaks towards what is measured, so that the two cannot part. Of a vehicle that lags that reference
+is what is sensed and told: controllers take a body for one that does at once what they want, and would swing with one that does
+not. The guard looks at where it is.
 """
 
 import math
@@ -29,9 +31,9 @@ _DRONE_M = 0.5  # its radius as an obstacle, in the mission's metres
 class RoomBody:
     """Both ports of the drone ``me`` that flies ``plan`` among ``contacts`` and ``obstacles``."""
 
-    def __init__(self, plan: Plan, me: int, contacts: Contacts, obstacles: Obstacles) -> None:
+    def __init__(self, plan: Plan, me: int, contacts: Contacts, obstacles: Obstacles, lags: bool) -> None:
         self._plan, self._me, self._contacts, self._obstacles = plan, me, contacts, obstacles
-        self._place = plan.place
+        self._place, self._lags = plan.place, lags
         self.sensed = empty_sensed(1)
         self._reach = plan.mission.sensing.range_m
         self._p: Flat = (0.0, 0.0)
@@ -56,8 +58,9 @@ class RoomBody:
         self._tick, self._now, self.frame = tick, now, None
 
     def sense(self) -> None:
-        sensed, place, (px, py) = self.sensed, self._place, self._measured[0]
-        sensed.position[0], sensed.velocity[0] = self._measured
+        sensed, place = self.sensed, self._place
+        (px, py), velocity = (self._p, self._v) if self._lags else self._measured
+        sensed.position[0], sensed.velocity[0] = (px, py), velocity
         near = self._obstacles.nearest(*place.to_room((px, py)), self._reach * place.scale)
         discs = [(*place.to_mission((x, y)), radius / place.scale) for x, y, radius in near]
         count = 0

@@ -28,6 +28,8 @@ _SAY_S = 0.015  # between two orders: 50 Hz are followed, and what is said at 10
 class CrazyflieVehicle(Ordered):
     """As agent.air.vehicle.Vehicle has it."""
 
+    lags = False
+
     def __init__(self, where: str, rig: Rig) -> None:
         """Raises VehicleAddressError: ``where`` is no address of a Crazyflie, or an option is wrong."""
         try:

@@ -69,7 +69,7 @@ class AirDrone:
         self._nature = NatureHeard(plan) if plan.fleet.world else None
         sources = (MapSource(plan.obstacles), *([self._nature] if self._nature else ()))
         self._obstacles = Obstacles(sources)
-        self._body = RoomBody(plan, me, self._contacts, self._obstacles)
+        self._body = RoomBody(plan, me, self._contacts, self._obstacles, vehicle.lags)
         self._bounds = bounds_of(plan)
         self._patience = Patience(plan.fleet.guard.hold_s, plan.fleet.guard.abort_s)
         self._every = plan.mission.frame_every

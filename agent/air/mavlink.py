@@ -5,7 +5,8 @@ CONNECTION is ``udpin:HOST:PORT`` (it calls us), ``udpout:HOST:PORT``, ``tcp:HOS
 is heard), with ``&`` between.
 
 The option ``origin`` of its drone in the fleet file is ``LATITUDE,LONGITUDE,ALTITUDE`` of the room's origin, for who knows where
-it is by satellites; without, its own local frame is the room's, as with motion capture.
+it is by satellites: one that has no origin yet takes this one, and one that has its own keeps that, and is led from there.
+Heights count from where its own lies. Without that option its own local frame is the room's, as with motion capture.
 
 Nobody on the way is asked who they are: MAVLink belongs on a wire, or on an address of the own machine.
 """
@@ -36,7 +37,9 @@ _MOST_MESSAGES = 500  # read at one look
 # Messages by their numbers, and how often they are wanted: heartbeat, status, attitude, local position, extended state.
 _STREAMS_HZ = {0: 5, 1: 2, 30: 25, 32: 50, 245: 5}
 _IGNORE_YAW_RATE, _LOCAL_NED = 2048, 1
-_SET_MODE, _ARM_DISARM, _TAKE_OFF, _SET_INTERVAL = 176, 400, 22, 511  # MAV_CMD
+_SET_MODE, _ARM_DISARM, _TAKE_OFF, _SET_INTERVAL, _SAY = 176, 400, 22, 511, 512  # MAV_CMD
+_ORIGIN = 49  # number of a message
+_FARTHEST_M = 1000.0  # between its origin and the room's
 _FORCE = 21196
 
 
@@ -50,6 +53,8 @@ class Address(NamedTuple):
 
 class MavlinkVehicle(Ordered):
     """As agent.air.vehicle.Vehicle has it."""
+
+    lags = True  # an autopilot shapes what it is told: half a second passes until it moves as fast
 
     def __init__(
         self,
@@ -71,7 +76,8 @@ class MavlinkVehicle(Ordered):
         except ValueError as error:
             raise VehicleAddressError(f"{self._name}: {error}") from None
         self._link: Any = None
-        self._heard = Telemetry(self._address.system, self._address.autopilot, rig.start)
+        room = self._origin and (self._origin[0] / 1e7, self._origin[1] / 1e7)
+        self._heard = Telemetry(self._address.system, self._address.autopilot, rig.start, room)
         self._leader: Leader | None = None
         self._heartbeat_at = self._asked_at = self._fly_at = -math.inf
         self._asked_streams = 0
@@ -139,8 +145,9 @@ class MavlinkVehicle(Ordered):
 
     def _say(self, one: Say) -> None:
         match one:
-            case Stream(p, v, a, yaw):
-                target = (*ned_of(p), *ned_of(v), *ned_of(a), ned_yaw(yaw), 0.0)
+            case Stream((x, y, z), v, a, yaw):
+                east, north = self._heard.lies or (0.0, 0.0)
+                target = (*ned_of((x - east, y - north, z)), *ned_of(v), *ned_of(a), ned_yaw(yaw), 0.0)
                 ms = round(1000 * self._now()) & 0xFFFFFFFF
                 self._link.mav.set_position_target_local_ned_send(
                     ms, self._heard.system, 1, _LOCAL_NED, _IGNORE_YAW_RATE, *target
@@ -167,12 +174,14 @@ class MavlinkVehicle(Ordered):
         self._asked_at = now
         for name in heard.unknown():
             mav.param_request_read_send(heard.system, 1, name.encode(), -1)
-        if self._origin and not heard.has_origin:
+        if self._origin and heard.lies is None:
             mav.set_gps_global_origin_send(heard.system, *self._origin)
+            self._command(_SAY, _ORIGIN)
         # At first in any case, for what comes by itself may come seldom: heartbeats, which tell who leads it, once a second.
         self._asked_streams += 1
         if self._asked_streams <= _ASKED_TIMES or now - heard.measured_at > 1.0 or math.isnan(heard.battery):
-            for number, hz in _STREAMS_HZ.items():
+            # Its origin too, again and again: ArduPilot says that it took one, and takes that of its satellites later.
+            for number, hz in (_STREAMS_HZ | ({_ORIGIN: 1} if self._origin else {})).items():
                 self._command(_SET_INTERVAL, number, 1e6 / hz)
 
     # What it says
@@ -197,6 +206,8 @@ class MavlinkVehicle(Ordered):
     def _what_is_missing(self) -> str:
         if self._leader is None:
             return "no PX4 or ArduPilot is heard (is it on, and does it speak to this address?)"
+        if self._heard.lies is None:
+            return f"system {self._heard.system} says no origin of its place (has it enough satellites?)"
         if self._heard.measured_at == -math.inf:
             return f"system {self._heard.system} says no local position (does it know where it is?)"
         return f"system {self._heard.system} does not say what its parameter {self._heard.unknown()[0]} is"
@@ -207,8 +218,10 @@ class MavlinkVehicle(Ordered):
             ills.append(f"a pilot or its own failsafe leads it (custom mode {heard.custom_mode})")
         if math.isnan(heard.battery):
             ills.append("it does not say how full its battery is")
-        if self._origin and not heard.has_origin:
-            ills.append("it has not taken the origin of the room")
+        if heard.lies and math.hypot(*heard.lies) > _FARTHEST_M:
+            ills.append(
+                f"its origin is {math.hypot(*heard.lies):.0f} m from the room's: the option origin is of elsewhere"
+            )
         for name, least, most, why in leader.profile.wanted:
             if not least <= (value := heard.parameters.get(name, UNKNOWN)) <= most:
                 ills.append(f"{name} is {value:g}: set it to {most:g} ({why})")

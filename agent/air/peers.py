@@ -4,7 +4,6 @@ Beacons go as best effort in datagrams, so that none ever waits behind one that 
 who is not in the fleet file is not found. The time at which something arrives is taken in the thread that brings it.
 """
 
-import os
 import queue
 import threading
 from collections.abc import Sequence
@@ -17,10 +16,11 @@ from agent.air.clock import Utc
 from agent.air.listening import check_free
 from protocols.closing import Closing
 from protocols.fleet.document import Fleet
+from protocols.wire.account import MAX_ACCOUNT_BYTES
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
 from protocols.wire.login import Certificates
 from protocols.wire.nature import WORLD, to_drone
-from protocols.wire.transport import filled, secret
+from protocols.wire.transport import AGENT_RUNTIME, few_threads, filled, secret
 
 # What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
 _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
@@ -100,18 +100,14 @@ class AirLink(Closing):
         """
         self._swarm, self._who, self._clock = checked_swarm(swarm), end.who, clock or Utc()
         self._heard: queue.SimpleQueue[Said] = queue.SimpleQueue()
-        os.environ.setdefault(
-            "ZENOH_RUNTIME",
-            "(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),"
-            "app:(worker_threads:1,max_blocking_threads:2))",
-        )
         check_free(end.listen)
         try:
             settings = _settings(end.listen, end.connect)
             if certificates:
                 settings |= secret(certificates, "listen", "connect")
                 settings["access_control"] = _access(swarm, drones)
-            self._session = zenoh.open(filled(zenoh.Config(), settings))
+            with few_threads(AGENT_RUNTIME):
+                self._session = zenoh.open(filled(zenoh.Config(), settings))
         except zenoh.ZError as error:
             raise LinkError(
                 f"cannot listen at {end.listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
@@ -196,6 +192,8 @@ def _settings(listen: str, connect: Sequence[str]) -> dict[str, Any]:
         "transport/unicast/open_timeout": _OPEN_MS,
         "transport/link/tx/lease": _LEASE_MS,
         "transport/shared_memory/enabled": False,
+        # Nothing longer is said; left alone, Zenoh would join fragments up to a gigabyte.
+        "transport/link/rx/max_message_size": 2 * MAX_ACCOUNT_BYTES,
     }
 
 

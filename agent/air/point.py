@@ -37,6 +37,8 @@ class Trouble(StrEnum):
 class PointVehicle:
     """As agent.air.vehicle.Vehicle has it."""
 
+    lags = False
+
     def __init__(self, where: str, rig: Rig, now: Callable[[], float] = time.monotonic) -> None:
         """``where``: faults, as above, with commas between.
 

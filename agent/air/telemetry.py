@@ -6,7 +6,7 @@ from typing import Any
 
 from agent.air.autopilots import PROFILES, Profile
 from agent.air.vehicle import Vector, VehicleError
-from protocols.fleet.place import ned_of, ned_yaw
+from protocols.fleet.place import Flat, ned_of, ned_yaw, way
 from protocols.keeper import Seen
 
 _AUTOPILOT, _NO_AUTOPILOT = 1, 8  # component; MAV_AUTOPILOT_INVALID
@@ -23,10 +23,12 @@ class Telemetry:
         custom_mode, armed, flying: as its heartbeats and its own judgment of the ground have it.
         p, v [m, m/s], yaw, tilt [rad]: newest. measured_at [s]: when p came; an old one that is said again does not count.
         battery: 0 to 1, or `UNKNOWN`. parameters: those that it was asked for. refusal: why it is not armed, in words, or empty.
+        lies: where the origin of its own frame lies in the room [m], east and north; None: not known yet.
     """
 
-    def __init__(self, system: int, asked: Profile | None, start: Vector) -> None:
-        """``system``, ``asked``: which one it has to be; 0 and None: whoever is heard first."""
+    def __init__(self, system: int, asked: Profile | None, start: Vector, room: Flat | None = None) -> None:
+        """``system``, ``asked``: which one it has to be; 0 and None: whoever is heard first. ``room``: latitude and longitude of
+        the room's origin [degrees]; None: its own origin is the room's."""
         self.system, self._asked = system, asked
         self.profile: Profile | None = None
         self.custom_mode, self.armed, self.flying = -1, False, False
@@ -36,7 +38,8 @@ class Telemetry:
         self.battery = UNKNOWN
         self.parameters: dict[str, float] = {}
         self.refusal = ""
-        self.has_origin = False
+        self._room = room
+        self.lies: Flat | None = None if room else (0.0, 0.0)
 
     def seen(self, now: float) -> Seen:
         """As a keeper wants it."""
@@ -73,7 +76,8 @@ class Telemetry:
         elif kind == "PARAM_VALUE":
             self.parameters[message.param_id] = _value(message, self.profile)
         elif kind == "GPS_GLOBAL_ORIGIN":
-            self.has_origin = True
+            if self._room:
+                self.lies = way(self._room, (message.latitude / 1e7, message.longitude / 1e7))
         elif kind == "COMMAND_ACK" and message.command == _ARM_DISARM:
             self.refusal = "" if message.result == 0 else self.refusal or "it refuses to be armed"
         elif kind == "STATUSTEXT" and self.refusal and message.severity <= _WARNING:
@@ -96,9 +100,12 @@ class Telemetry:
             self.flying = self.flying and self.armed
 
     def _take_position(self, message: Any, now: float) -> None:
+        if self.lies is None:
+            return
         p, v = (message.x, message.y, message.z), (message.vx, message.vy, message.vz)
         if message.time_boot_ms != self._boot_ms and all(map(math.isfinite, (*p, *v))):
-            self.p, self.v = ned_of(p), ned_of(v)
+            (x, y, z), (east, north) = ned_of(p), self.lies
+            self.p, self.v = (x + east, y + north, z), ned_of(v)
             self._boot_ms, self.measured_at = message.time_boot_ms, now
 
 

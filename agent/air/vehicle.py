@@ -90,6 +90,10 @@ class Rig:
 class Vehicle(Protocol):
     """A body of the air. Any call may raise `VehicleError`; after `close` none is made."""
 
+    lags: bool
+    """Whether it does what it is told so late that who steers by where it is would swing; then it is steered by where it was told
+    to be (agent.air.body)."""
+
     def open(self, timeout_s: float) -> None:
         """Reach it, and return when its state is known.
 

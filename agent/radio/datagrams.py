@@ -36,6 +36,7 @@ class AgentDatagrams:
         self._socket, self._address = socket.socket(family, kind, protocol), address
         self._socket.settimeout(_LOOK_S)
         self._socket.bind(("", 0))
+        datagrams.share_time()
         threading.Thread(target=self._hear, daemon=True).start()
 
     def send(self, message: bytes) -> bool:

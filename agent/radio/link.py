@@ -10,7 +10,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
@@ -50,14 +50,21 @@ def _check_certificates(endpoint: str, login: Login) -> None:
         raise LinkError(f"{keys.user(login.agent)}: {error}") from None
 
 
-def _open_client(endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
+def open_client(
+    endpoint: str, login: Login, timeout_s: float, common: Mapping[str, Any] = COMMON
+) -> zenoh.Session:
+    """A session with the world at ``endpoint``. ``common``: what both ends must agree on.
+
+    Raises:
+        LinkError: there is none within ``timeout_s``.
+    """
     settings: dict[str, Any] = {
         "mode": "client",
         "connect/endpoints": [endpoint],
         "connect/timeout_ms": round(1e3 * timeout_s),
         "connect/exit_on_failure": True,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
-        **COMMON,
+        **common,
         "transport/auth/usrpwd/user": keys.user(login.agent),
         "transport/auth/usrpwd/password": login.password,
     }
@@ -77,12 +84,12 @@ def _asked_to_leave(endpoint: str) -> LinkError:
 
 
 def _open_unless(leaving: Callable[[], bool], endpoint: str, login: Login, timeout_s: float) -> zenoh.Session:
-    """`_open_client` in a thread of its own: while it waits for the world it hears no signal."""
+    """`open_client` in a thread of its own: while it waits for the world it hears no signal."""
     outcome: queue.SimpleQueue[zenoh.Session | BaseException] = queue.SimpleQueue()
 
     def wait() -> None:
         try:
-            outcome.put(_open_client(endpoint, login, timeout_s))
+            outcome.put(open_client(endpoint, login, timeout_s))
         except BaseException as error:
             outcome.put(error)
 

@@ -51,9 +51,12 @@ def host_of(address: str) -> str:
 
 
 Address = Annotated[Line, AfterValidator(_checked_address)]
-Seconds = Annotated[Number, Field(ge=0.01, le=3600)]
+Seconds = Annotated[Number, Field(ge=0.01, le=3600)]  # of waiting for somebody
+Soon = Annotated[Number, Field(ge=0.05, le=10)]  # of flying on without knowing
+Metres = Annotated[Number, Field(ge=0.01, le=100)]
+Milliseconds = Annotated[Number, Field(ge=1, le=10_000)]
 Degrees = Annotated[Number, Field(ge=-360, le=360)]
-Angle = Annotated[Number, Field(gt=0, le=180)]
+Angle = Annotated[Number, Field(ge=5, le=180)]
 Height = Annotated[Number, Field(ge=0.2, le=500)]
 
 
@@ -82,15 +85,15 @@ class Fence(Section):
 class Guard(Section):
     """The limits of the guard (agent.air.guard): beyond ``..._hold`` a drone holds, beyond ``..._land`` it lands."""
 
-    fence_margin_m: Positive = Field(
-        0.2, description="room kept between the way of the mission and the fence"
+    fence_margin_m: Metres = Field(0.2, description="room kept between the way of the mission and the fence")
+    fence_land_m: Metres = Field(0.5, description="so far outside of the fence it lands")
+    position_hold_s: Soon = Field(0.15, description="age of the position")
+    position_land_s: Soon = 0.5
+    jump_m: Metres = Field(0.5, description="a position that moves so much at once is none")
+    clock_hold_ms: Milliseconds = Field(
+        20.0, description="difference of the clock from the median of the others"
     )
-    fence_land_m: Positive = Field(0.5, description="so far outside of the fence it lands")
-    position_hold_s: Seconds = Field(0.15, description="age of the position")
-    position_land_s: Seconds = 0.5
-    jump_m: Positive = Field(0.5, description="a position that moves so much at once is none")
-    clock_hold_ms: Positive = Field(20.0, description="difference of the clock from the median of the others")
-    clock_land_ms: Positive = 200.0
+    clock_land_ms: Milliseconds = 200.0
     peers_hold_s: Seconds = Field(5.0, description="fewer than half of the others heard")
     operator_hold_s: Seconds = Field(5.0, description="the operator not heard")
     operator_land_s: Seconds = 10.0
@@ -98,10 +101,10 @@ class Guard(Section):
     battery_land: Probability = 0.2
     tilt_land_deg: Angle = 50.0
     tilt_kill_deg: Angle = Field(100.0, description="beyond it it has turned over: the motors are cut")
-    setpoint_hold_s: Seconds = Field(0.15, description="since the last setpoint: the vehicle's own failsafe")
-    setpoint_land_s: Seconds = 1.0
-    reaction_s: Seconds = Field(0.15, description="how late it brakes, where it counts on what lies ahead")
-    setpoint_m: Positive = Field(1.0, description="a setpoint farther than this from where it is")
+    setpoint_hold_s: Soon = Field(0.15, description="since the last setpoint: the vehicle's own failsafe")
+    setpoint_land_s: Soon = 1.0
+    reaction_s: Soon = Field(0.15, description="how late it brakes, where it counts on what lies ahead")
+    setpoint_m: Metres = Field(1.0, description="a setpoint farther than this from where it is")
     hold_s: Seconds = Field(10.0, description="who has held for so long lands")
     abort_s: Seconds = Field(2.0, description="and after an abort")
 
@@ -129,7 +132,7 @@ class AirRadio(Section):
     loss: Annotated[Probability, Field(le=0.9)] = Field(
         0.2, description="share of frames expected to be lost"
     )
-    port: Annotated[Count, Field(ge=1024, le=65000)] = Field(
+    port: Annotated[Count, Field(ge=1024, le=64_000)] = Field(
         7450, description="the operator's on this machine; drone i has the i-th after it"
     )
     plain_text: Flag = Field(

@@ -8,6 +8,8 @@ NED: north, east, down, yaw from north to east.
 import math
 from typing import NamedTuple
 
+_EARTH_M = 6_378_137.0
+
 Flat = tuple[float, float]
 Vector = tuple[float, float, float]
 
@@ -37,6 +39,16 @@ class Place(NamedTuple):
         """A displacement, velocity or acceleration of the room, in the mission."""
         (x, y), c, s = vector, math.cos(self.yaw) / self.scale, math.sin(self.yaw) / self.scale
         return c * x + s * y, c * y - s * x
+
+
+def way(start: Flat, end: Flat) -> Flat:
+    """From one place on earth to another near it, each a latitude and a longitude in degrees: metres east and north."""
+    (latitude, longitude), (to_latitude, to_longitude) = start, end
+    per_degree = math.radians(_EARTH_M)
+    east = math.remainder(to_longitude - longitude, 360.0) * math.cos(
+        math.radians(0.5 * (latitude + to_latitude))
+    )
+    return per_degree * east, per_degree * (to_latitude - latitude)
 
 
 def ned_of(enu: Vector) -> Vector:

@@ -19,6 +19,7 @@ from protocols.wire.sensed import MAX_OBSTACLES
 Disc = tuple[float, float, float]
 ONE_OBSTACLE_M = 0.3  # sightings whose centres are no farther apart are of one obstacle
 
+_FAR_M = 100.0  # beyond the way no fence is one
 _LANDED_S = 10.0  # from a landing's begin
 _SETTLE_S = 2.5  # flown on after the formation can be beyond the goal line
 
@@ -36,7 +37,12 @@ class Plan:
     @cached_property
     def place(self) -> Place:
         """How the mission lies in the room."""
-        return Place(self.fleet.origin_m, math.radians(self.fleet.yaw_deg), self.fleet.scale)
+        return _place(self.fleet)
+
+    @property
+    def drones_told(self) -> str:
+        """How many fly, in words."""
+        return f"{self.mission.agents} drone{'s' if self.mission.agents > 1 else ''}"
 
     @property
     def limit_m(self) -> float:
@@ -86,6 +92,11 @@ class Plan:
         """The same in the mission's frame."""
         return tuple(map(self.in_mission, self.obstacles))
 
+    @cached_property
+    def goal_x_m(self) -> float:
+        """Beyond it, in the mission's frame, the formation has to be; no obstacle of the room reaches over it."""
+        return max([self.mission.goal_x_m, *(x + radius for x, _, radius in self.mission_obstacles)])
+
     def slots_at(self, tick: int) -> tuple[Flat, ...]:
         """Where the slots are in the room, so many ticks after `go`."""
         target = self.mission.target.speed_mps * TICK_S * tick
@@ -123,6 +134,10 @@ def make_plan(fleet: Fleet, mission: Mission, source: str = "fleet") -> Plan:
     return plan
 
 
+def _place(fleet: Fleet) -> Place:
+    return Place(fleet.origin_m, math.radians(fleet.yaw_deg), fleet.scale)
+
+
 def _digest(fields: object) -> str:
     return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -130,6 +145,13 @@ def _digest(fields: object) -> str:
 def _on_air(fleet: Fleet, mission: Mission) -> Mission:
     fields = mission.model_dump(mode="json")
     # Obstacles are on a map, and there is nothing to remember; but a drone that fell silent is one only for a while.
+    if (
+        fleet.obstacles_m is not None
+    ):  # what stands in the room decides where the goal line is, and how long is flown
+        place = _place(fleet)
+        fields["obstacles"] = {
+            "discs": [(*place.to_mission((x, y)), radius / fleet.scale) for x, y, radius in fleet.obstacles_m]
+        }
     fields["sensing"] |= {"neighbours": "heard", "obstacle_memory": False}
     fields["radio"] |= {"frame_rate_hz": fleet.radio.frame_rate_hz, "loss": fleet.radio.loss}
     # Only who is down for sure loses its slot: cut off from half of the others, it has held and landed by then.
@@ -178,10 +200,25 @@ def _check_addresses(plan: Plan) -> None:
                     else "is plain text, and the fleet has keys; write quic/ instead"
                 )
             )
+        if host_of(address) in ("0.0.0.0", "::"):
+            raise FleetError(
+                f"{name}: {address} is no machine that others could reach; write the address of its own"
+            )
         if protocol not in SECRET and not fleet.radio.plain_text and not is_here(host_of(address)):
             raise FleetError(
                 f"{name}: {address} is plain text, which everybody on the way can read and forge: use keys and quic/, "
                 "or radio: {plain_text: true} on a network of your own"
+            )
+
+
+def _check_one_network(plan: Plan) -> None:
+    addresses = plan.fleet.addresses
+    away = next((name for name, address in addresses.items() if not is_here(host_of(address))), None)
+    for name, address in addresses.items():
+        if away and is_here(host_of(address)):
+            raise FleetError(
+                f"{name}: {address} is reached on its own machine alone, and {away} is on another: {addresses[away]}; "
+                "give it an address of their network"
             )
 
 
@@ -208,32 +245,36 @@ def _check_fence(plan: Plan) -> None:
     fence, margin = plan.fleet.fence, plan.fleet.guard.fence_margin_m
     way = [*plan.starts, *plan.slots_at(0), *plan.slots_at(plan.ticks)]
     heights = [plan.height(slot) for slot in range(plan.mission.agents)]
-    for name, (low, high), values in (
-        ("x_m", fence.x_m, [x for x, _ in way]),
-        ("y_m", fence.y_m, [y for _, y in way]),
-        ("z_m", (fence.z_m[0] - margin, fence.z_m[1]), [0.0, *heights]),
+    xs, ys = [x for x, _ in way], [y for _, y in way]
+    for name, (low, high), (needs_low, needs_high) in (
+        ("x_m", fence.x_m, (min(xs) - margin, max(xs) + margin)),
+        ("y_m", fence.y_m, (min(ys) - margin, max(ys) + margin)),
+        ("z_m", fence.z_m, (0.0, max(heights) + margin)),  # nobody is to keep away from the floor
     ):
-        needs_low, needs_high = min(values) - margin, max(values) + margin
+        least = f"[{math.floor(100 * needs_low) / 100:g}, {math.ceil(100 * needs_high) / 100:g}]"
         if needs_low < low - 1e-9 or needs_high > high + 1e-9:
             raise FleetError(
-                f"fence.{name}: [{low:g}, {high:g}] is smaller than the way; give at least "
-                f"[{math.floor(100 * needs_low) / 100:g}, {math.ceil(100 * needs_high) / 100:g}], "
-                "or another origin_m, yaw_deg or scale"
+                f"fence.{name}: [{low:g}, {high:g}] is smaller than the way; give at least {least}, or another origin_m, "
+                "yaw_deg or scale"
+            )
+        if max(needs_low - low, high - needs_high) > _FAR_M:
+            raise FleetError(
+                f"fence.{name}: [{low:g}, {high:g}] reaches more than {_FAR_M:g} m beyond the way, and keeps nobody in; "
+                f"give it in metres, at least {least}"
             )
 
 
 def _check_world(plan: Plan) -> None:
     """Drones land when their own goal line is behind them, and take what is close together for one obstacle."""
-    goal = max([plan.mission.goal_x_m, *(x + radius for x, _, radius in plan.mission_obstacles)])
     virtual = plan.virtual_obstacles
     if len(plan.obstacles) + len(virtual) > MAX_OBSTACLES:
         raise FleetError(f"world.obstacles_m: with those of the room at most {MAX_OBSTACLES}; leave some out")
     for index, disc in enumerate(virtual):
         x, _, radius = plan.in_mission(disc)
-        if x + radius > goal:
+        if x + radius > plan.goal_x_m:
             raise FleetError(
                 f"world.obstacles_m.{index}: it ends at x = {x + radius:.1f} m of the mission, beyond the goal line at "
-                f"{goal:.1f} m; move it back"
+                f"{plan.goal_x_m:.1f} m; move it back"
             )
         for other in (*plan.obstacles, *virtual[:index]):
             if math.dist(disc[:2], other[:2]) <= ONE_OBSTACLE_M:
@@ -243,4 +284,10 @@ def _check_world(plan: Plan) -> None:
                 )
 
 
-_CHECKS: tuple[Callable[[Plan], None], ...] = (_check_addresses, _check_distances, _check_fence, _check_world)
+_CHECKS: tuple[Callable[[Plan], None], ...] = (
+    _check_addresses,
+    _check_distances,
+    _check_fence,
+    _check_world,
+    _check_one_network,
+)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Literal, Protocol, TypeVar
 
+from protocols.wire.keys import MAX_AGENTS
 from protocols.wire.login import Certificates
 
 # Zenoh would otherwise take who is stopped for ten seconds for gone, and lose what was under way.
@@ -19,6 +20,9 @@ _RUNTIME = "ZENOH_RUNTIME"
 _ONE = "(worker_threads:1,max_blocking_threads:2)"
 AGENT_RUNTIME = f"(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),app:{_ONE})"
 WORLD_RUNTIME = f"(rx:{_ONE},tx:(handover:app),net:(handover:app),acc:(handover:app),app:{_ONE})"
+
+# What a world lets in: so many links at once that have not said yet who they are, and so many that have.
+MOST_KNOCKING, MOST_SESSIONS = 2 * MAX_AGENTS, 4 * MAX_AGENTS
 
 COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -47,14 +51,13 @@ def filled(config: C, settings: Mapping[str, Any]) -> C:
 
 @contextmanager
 def few_threads(runtime: str) -> Iterator[None]:
-    """Open the first session of a process in here. What this process starts, a world perhaps, does not inherit it."""
-    unset = _RUNTIME not in os.environ
-    os.environ.setdefault(_RUNTIME, runtime)
+    """Open the first session of a process in here. What this process starts, a world perhaps, does not inherit it; nor counts
+    what it has inherited."""
+    os.environ[_RUNTIME] = runtime
     try:
         yield
     finally:
-        if unset:
-            os.environ.pop(_RUNTIME, None)
+        os.environ.pop(_RUNTIME, None)
 
 
 def secret(certificates: Certificates, *ends: Literal["connect", "listen"]) -> dict[str, Any]:

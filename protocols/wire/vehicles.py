@@ -24,9 +24,10 @@ VERSION = 1
 _FIRST_PORT = 7470
 FARTHEST = 1000.0  #: metres, m/s or m/s²: no number is larger
 _URI = re.compile(
-    r"radio://(?P<dongle>\d{1,2})/\d{1,3}/(250K|1M|2M)(/[0-9A-Fa-f]{1,10})?|udp://[^/:\s]+:\d{1,5}|usb://\d",
+    r"radio://(?P<dongle>\d{1,2})/(?P<channel>\d{1,3})/(250K|1M|2M)(/[0-9A-Fa-f]{10})?|udp://[^/:\s]+:(?P<port>\d{1,5})|usb://\d",
     re.ASCII,
 )
+_LAST_CHANNEL = 125
 _ORDER, _ACCOUNT, _FIX = struct.Struct("<BBI10f"), struct.Struct("<BBIBH10f"), struct.Struct("<B3f")
 
 
@@ -115,10 +116,10 @@ def dongle_of(uri: str) -> int:
         ValueError: it is no such address. One line.
     """
     match = _URI.fullmatch(uri)
-    if not match:
+    if not match or int(match["channel"] or 0) > _LAST_CHANNEL or not 0 < int(match["port"] or 1) < 65536:
         raise ValueError(
-            f"{uri!r} is no address of a Crazyflie: one reads radio://0/80/2M/E7E7E7E701 (dongle, channel, rate, address), "
-            "or udp://127.0.0.1:19850"
+            f"{uri!r} is no address of a Crazyflie: one reads radio://0/80/2M/E7E7E7E701 (dongle, channel to {_LAST_CHANNEL}, "
+            "rate, address of ten digits), or udp://127.0.0.1:19850"
         )
     return int(match["dongle"] or 0)
 

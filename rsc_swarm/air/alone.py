@@ -87,7 +87,7 @@ def load(plan: Plan) -> None:
     make_room(plan.mission.agents)
     rehearse_judging(plan)
     warm_up_drone(plan.mission)
-    RoomBody(plan, 0, Contacts(0), Obstacles(())).fly(0.0, 0.0)
+    RoomBody(plan, 0, Contacts(0), Obstacles(()), lags=False).fly(0.0, 0.0)
 
 
 def _say(me: int, text: str) -> None:

@@ -79,10 +79,13 @@ def _led(plan: Plan, spec: DroneSpec) -> object:
     if match := _ON_AIR.fullmatch(where):
         address = int(match["address"] or _USUAL, 16)
         return int(match["channel"]), match["rate"], address
+    if kind == "point":
+        return None
+    place = where.partition("?")[0]
+    if place.startswith("udpin:"):  # two cannot listen to one port, by whatever name
+        place = f"udpin:{place.rpartition(':')[2]}"
     # The same port of another computer is another.
-    return (
-        None if kind == "point" else (host_of(plan.fleet.address(spec.number)), kind, where.partition("?")[0])
-    )
+    return host_of(plan.fleet.address(spec.number)), kind, place.replace("localhost", "127.0.0.1")
 
 
 def _check_origins(plan: Plan) -> None:

@@ -25,9 +25,8 @@ def path_of(plan: Plan, log: FlightLog) -> Trajectory:
     """A log as a recording, in the mission's frame."""
     kept = slice(log.rows)
     obstacles = np.array(plan.mission_obstacles, float).reshape(-1, 3)
-    ends = [plan.mission.goal_x_m, *(obstacles[:, 0] + obstacles[:, 2]).tolist()]
     return Trajectory(
-        log.positions[kept], log.velocities[kept], log.slots[kept], log.flying[kept], obstacles, max(ends), TICK_S
+        log.positions[kept], log.velocities[kept], log.slots[kept], log.flying[kept], obstacles, plan.goal_x_m, TICK_S
     )  # fmt: skip
 
 

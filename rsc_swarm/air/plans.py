@@ -57,17 +57,30 @@ def asked_mission(path: Path, plan: Plan, options: MissionOptions) -> Mission:
 
 
 def keys_of(path: Path, plan: Plan) -> Path | None:
-    """The folder of keys of the fleet file at ``path``; None: it has none."""
-    return path.parent / plan.fleet.keys if plan.fleet.keys else None
+    """The folder of keys of the fleet file at ``path``; None: it has none.
+
+    Raises:
+        FleetError: the folder is not there.
+    """
+    if plan.fleet.keys is None:
+        return None
+    folder = path.parent / plan.fleet.keys
+    if not folder.is_dir():
+        raise FleetError(
+            f"{path}: keys: there is no folder {folder}; make it with 'rsc-swarm keys --fleet {path}'"
+        )
+    return folder
 
 
 def key_file_of(path: Path, plan: Plan, me: int, own: Path | None = None) -> Path | None:
     """The file of keys of drone ``me``, ``own`` if that is given; None: the fleet has none.
 
     Raises:
-        FleetError: one is given, and the fleet has none.
+        FleetError: one is given, and the fleet has none; or none is given, and the fleet's are not there.
     """
-    keys = keys_of(path, plan)
-    if own and not keys:
+    if own and plan.fleet.keys is None:
         raise FleetError(f"--credentials {own}: {path} has no keys; name their folder there: keys: keys")
-    return own or (keys / login_file(me) if keys else None)
+    if own:
+        return own
+    keys = keys_of(path, plan)
+    return keys / login_file(me) if keys else None

@@ -27,7 +27,7 @@ def air(
     from rsc_swarm.air.radios import check_addresses_free
 
     plan = read_plan(fleet)
-    troubles = {}
+    keys, troubles = keys_of(fleet, plan), {}
     for each in trouble or ():
         number, _, what = each.partition(":")
         if not number.isdecimal() or int(number) >= plan.mission.agents:
@@ -37,4 +37,4 @@ def air(
     announce_compiling()
     from rsc_swarm.air.processes import fly_all
 
-    raise typer.Exit(fly_all(plan, keys_of(fleet, plan), run_dir, troubles))
+    raise typer.Exit(fly_all(plan, keys, run_dir, troubles))

@@ -50,16 +50,17 @@ def ground(
 
     plan = read_plan(fleet)
     if check:
+        from rsc_swarm.air.radios import radios_of
         from rsc_swarm.show.plots.room import draw_plan
 
         draw_plan(plan, out)
-        typer.echo(
-            f"{fleet}: can be flown by {plan.mission.agents} drones in {plan.ticks / 100:g} s; drawn in {out}"
-        )
+        for doubt in (doubt for radio in radios_of(plan) for doubt in radio.doubts):
+            typer.echo(f"{fleet}: {doubt}", err=True)
+        typer.echo(f"{fleet}: can be flown by {plan.drones_told} in {plan.ticks / 100:g} s; drawn in {out}")
         return
     from rsc_swarm.air.station import Script, read_script
 
-    steps = read_script(do, plan) if do is not None else None
+    steps, keys = read_script(do, plan) if do is not None else None, keys_of(fleet, plan)
     announce_compiling()
     from rsc_swarm.air.tower import watch
     from rsc_swarm.show.fleet_view import FleetView
@@ -69,9 +70,7 @@ def ground(
     serving = served(asked_for, hands=False) if page.view or page.open else nullcontext()
     with (
         serving as site,
-        FleetView(
-            f"{fleet}: {plan.mission.agents} drones, mission {plan.mission.name}", keys=steps is None
-        ) as table,
+        FleetView(f"{fleet}: {plan.drones_told}, mission {plan.mission.name}", keys=steps is None) as table,
     ):
         script = Script(steps, table.say) if steps else None
         attend = table.attend
@@ -80,7 +79,7 @@ def ground(
 
             attend = Aloft(site.window, attend)
             table.say(f"watch it at {site.address}")
-        _, outcome, asked = watch(plan, keys_of(fleet, plan), attend, script, run_dir)
+        _, outcome, asked = watch(plan, keys, attend, script, run_dir)
     if outcome:
         typer.echo(_told(plan, outcome))
     if asked:

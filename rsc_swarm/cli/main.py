@@ -26,7 +26,11 @@ def _carry_out(words: list[str]) -> int:
     try:
         from rsc_swarm.cli.commands import app
 
-        os.getcwd()  # raises where the folder is gone: every path would be blamed for it
+        # Raises where the folder is gone: every path would be blamed for it.
+        if strange := [word for word in (os.getcwd(), *words) if not _is_text(word)]:
+            raise NoTextError(
+                f"{strange[0]}: is no text in UTF-8, as which reports are written; give another name"
+            )
         code = app(words, prog_name="rsc-swarm", standalone_mode=False)
         sys.stdout.flush()
     except KeyboardInterrupt:
@@ -40,6 +44,19 @@ def _carry_out(words: list[str]) -> int:
         code, text = _explain(error)
         print(line_of(error, _printable(text)), file=sys.stderr)
     return code if isinstance(code, int) else ExitCode.SUCCEEDED
+
+
+class NoTextError(SwarmError):
+    """A name is not text."""
+
+
+def _is_text(word: str) -> bool:
+    """Whether it can be written down: a file's name may be any bytes."""
+    try:
+        word.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _printable(text: str) -> str:

@@ -23,6 +23,7 @@ from world.server.credentials import Credentials, FleetHosts, make_fleet_keys, m
 HERE = ("localhost", "127.0.0.1", "::1")  # where every world's certificate is good, to try it on one machine
 _WORLD, _GROUND, _MIXED = "world.json", "ground.json", "mixed.json"
 _FOR_OTHERS = 0o077
+_LONGEST = 1 << 16  # bytes: three times what the largest swarm needs
 _Kind = TypeVar("_Kind")
 
 
@@ -241,8 +242,13 @@ def _make_private(folder: Path) -> None:
 def _read(file: Path, reader: Callable[[str], _Kind]) -> _Kind:
     """What ``reader`` makes of a file that is ours; one that is another's, root's say, was given to us to read."""
     try:
-        read = reader(file.read_text(encoding="utf-8"))
-        found = file.stat()
+        with file.open("rb") as opened:
+            found, data = os.fstat(opened.fileno()), opened.read(_LONGEST + 1)
+        if len(data) > _LONGEST:
+            raise KeyFileError(
+                f"{file}: is too long for a file of keys; use one as 'rsc-swarm keys' writes it"
+            )
+        read = reader(data.decode())
     except OSError as error:
         raise KeyFileError(f"{file}: cannot be read ({error.strerror})") from None
     except ValueError as error:  # UnicodeDecodeError is one

@@ -4,7 +4,7 @@
   forks, so a drone starts in milliseconds and shares its code with all others. ``os.fork`` rather than
   ``multiprocessing``: a child here has no pipes, exit handlers or helper process of its parent's, and
   leaves by ``os._exit``.
-- Every child ignores Ctrl-C and a closing terminal (the launcher answers both), writes to its own log, and
+- Every child ignores Ctrl-C, Ctrl-\\ and a closing terminal (the launcher answers both), writes to its own log, and
   gets a signal from the kernel when the launcher dies, however it dies.
 - A drone is then killed outright. The world is asked to leave, so that it can finish its record, and
   removes the folder of the run.
@@ -33,7 +33,7 @@ from rsc_swarm.machine.priority import give_way
 from rsc_swarm.machine.streams import mute_stream
 
 _PR_SET_PDEATHSIG = 1
-_LEAVE_WITHOUT_LAUNCHER_S = 3.0
+_LEAVE_WITHOUT_LAUNCHER_S = 10.0  # to save a flight and tidy up takes a busy machine some
 _ZENOH_THREAD = re.compile(r"(app|acc|tx|rx|net)-\d+")
 
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -282,7 +282,7 @@ def _be_child(
         for number in signal.valid_signals():
             if callable(signal.getsignal(number)):
                 signal.signal(number, signal.SIG_DFL)
-        for answered_by_launcher in (signal.SIGINT, signal.SIGHUP):
+        for answered_by_launcher in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
             signal.signal(answered_by_launcher, signal.SIG_IGN)
         signal.set_wakeup_fd(-1)
         if log is not None:

@@ -82,7 +82,9 @@ class RunDir:
             copies = _beside(Path(named), policy_files) if named else {}
             if self.path.exists() and not self.path.is_dir():
                 raise RunDirError(f"--run-dir {self.path}: is a file; give a directory")
-            if self.path.is_dir() and any(self.path.iterdir()) and not self._is_ours():
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock()  # before anything is looked at that another run may be about to write
+            if any(self.path.iterdir()) and not self._is_ours():
                 raise RunDirError(
                     f"--run-dir {self.path}: holds other things than a flight; give an empty or new directory"
                 )
@@ -90,8 +92,6 @@ class RunDir:
                 raise RunDirError(
                     f"--run-dir {self.path}: holds a flight already; give a new directory, or --overwrite"
                 )
-            self.path.mkdir(parents=True, exist_ok=True)
-            self._lock()
             for old in (self.report, self.text, self.trajectory, self.events, self.page):
                 old.unlink(missing_ok=True)
             for folder in (self.logs, self.policy):

@@ -82,7 +82,11 @@ class PipeControl:
     def paused(self, agent: int) -> bool:
         try:
             return psutil.Process(self._pid[agent]).status() in _STOPPED
-        except (KeyError, psutil.NoSuchProcess):
+        except (
+            KeyError,
+            psutil.NoSuchProcess,
+            OSError,
+        ):  # somebody has opened all the files that this process may open
             return False
 
     def gathered(self, ready: int) -> None:

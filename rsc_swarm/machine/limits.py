@@ -1,11 +1,13 @@
 """What the machine lacks, in one line that says what would be right."""
 
 import errno
+import math
 import resource
 from pathlib import Path
 
 from protocols.errors import BrokenError, SwarmError
 from protocols.wire.keys import MAX_AGENTS
+from protocols.wire.transport import MOST_KNOCKING, MOST_SESSIONS
 
 # Of the world, which needs most: it was seen to have 27 files open with 4 drones, 63 with 40, and 1.4 GiB of addresses.
 _FILES, _FILES_PER_DRONE = 48, 2
@@ -32,14 +34,22 @@ def make_room(drones: int) -> None:
             f"agents: {drones} drones are too many for a process each: fly at most {MAX_AGENTS}, or use simulate or evaluate"
         )
     needed = _FILES + _FILES_PER_DRONE * drones
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft != resource.RLIM_INFINITY and soft < needed:
-        if hard != resource.RLIM_INFINITY and hard < needed:
-            raise MachineError(
-                f"{needed} open files are needed, and {hard} are allowed here: allow more (ulimit -n {needed})"
-            )
-        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+    soft, hard = (_number(limit) for limit in resource.getrlimit(resource.RLIMIT_NOFILE))
+    if hard < needed:
+        raise MachineError(
+            f"{needed} open files are needed, and {hard} are allowed here: allow more (ulimit -n {needed})"
+        )
+    # Whoever knocks at the world takes a file of it, and may be a stranger.
+    wished = min(hard, needed + MOST_KNOCKING + MOST_SESSIONS)
+    if soft < wished:
+        resource.setrlimit(
+            resource.RLIMIT_NOFILE, (int(wished), resource.getrlimit(resource.RLIMIT_NOFILE)[1])
+        )
     check_addresses(_ADDRESSES_OF_WORLD)
+
+
+def _number(limit: int) -> float:
+    return math.inf if limit == resource.RLIM_INFINITY else limit
 
 
 def check_addresses(needed: int = _ADDRESSES) -> None:

@@ -5,6 +5,7 @@ All begin at `BEGIN`, so that each flight is an ordinary one first.
 
 import os
 import struct
+import threading
 import time
 from typing import Any
 
@@ -204,6 +205,27 @@ def deaf(turn: Turn) -> None:
     turn.answer()
 
 
+def fragments(turn: Turn) -> None:
+    """messages of a hundred megabytes, in fragments"""
+    if "mouth" not in turn.memory:
+        mine, block = keys.tx(turn.swarm, turn.me), zenoh.CongestionControl.BLOCK
+        turn.memory["mouth"] = turn.open_strange().declare_publisher(mine, congestion_control=block)
+    if turn.asked.tick % 100 == 0:
+        turn.memory["mouth"].put(bytes(100_000_000))
+    turn.answer()
+
+
+def declarations(turn: Turn) -> None:
+    """it declares names without end, and does not read what the world says to that"""
+    if "declared" not in turn.memory:
+        turn.memory["declared"] = other = turn.open_strange()
+        other.declare_subscriber(
+            keys.rx(turn.swarm, turn.me), zenoh.handlers.Callback(_never_return, indirect=False)
+        )
+        threading.Thread(target=_declare, args=(other, turn.swarm), daemon=True).start()
+    turn.answer()
+
+
 def exits(turn: Turn) -> None:
     """its process ends at a random moment"""
     if turn.random.random() < 0.01:
@@ -230,6 +252,12 @@ def second_process(turn: Turn) -> None:
     turn.answer()
 
 
+def _declare(session: zenoh.Session, swarm: str) -> None:
+    kept: list[zenoh.Publisher] = []
+    while True:
+        kept.append(session.declare_publisher(f"{swarm}/{len(kept)}"))
+
+
 def _never_return(_sample: zenoh.Sample) -> None:
     time.sleep(1e6)
 
@@ -250,7 +278,8 @@ def _patched(turn: Turn, place: int, data: bytes) -> bytes:
 _ALL: tuple[Attack, ...] = (
     nested_note, long_messages, long_frames, hellos, old_answers, readies, garbage, swelling, no_permutation, absurd_counts,
     borrowed_digest, anothers_slot, forged_swaps, absurd_counter, forged_checkpoint, forged_permutations, anothers_name,
-    impossible_motion, not_a_number, all_alive, repeats_others, late, silent, blind, deaf, exits, other_version, second_process,
+    impossible_motion, not_a_number, all_alive, repeats_others, late, silent, blind, deaf, fragments, declarations, exits,
+    other_version, second_process,
 )  # fmt: skip
 ATTACKS: dict[str, Attack] = {attack.__name__.replace("_", "-"): attack for attack in _ALL}
 

@@ -10,9 +10,10 @@ from random import Random
 from typing import Any, NamedTuple
 
 import numpy as np
+import zenoh
 
 from agent.process import fly, seals_of
-from agent.radio.link import AgentLink
+from agent.radio.link import AgentLink, open_client
 from protocols.slots.seals import Seals, Stamps
 from protocols.wire import keys, messages
 from protocols.wire.frames import altered
@@ -23,13 +24,15 @@ from rsc_swarm.flight.processes import leave_on_sigterm
 from rsc_swarm.flight.world_process import JOIN_S
 
 LEAVES_S = 30.0  # when the world is silent for so long
+_STRANGE = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
 
 
 class Turn(NamedTuple):
     """One tick of an attack.
 
     swarm, me, agents: who it is, of how many. asked: the Tick. reply: the honest answer to it. say: to the world. open: another
-    link with the same login. random: the same in every run of this attack. memory: kept from tick to tick. seals: its own.
+    link with the same login. open_strange: a session with it that is set up as Zenoh's own programs are. random: the same in
+    every run of this attack. memory: kept from tick to tick. seals: its own.
     """
 
     swarm: str
@@ -39,6 +42,7 @@ class Turn(NamedTuple):
     reply: Reply
     say: Callable[[bytes], None]
     open: Callable[[], AgentLink]
+    open_strange: Callable[[], zenoh.Session]
     random: Random
     memory: dict[str, Any]
     seals: Seals
@@ -67,10 +71,10 @@ Attack = Callable[[Turn], None]
 class _Turned:
     """The drone's link, with the attack in it."""
 
-    def __init__(
-        self, link: AgentLink, login: Login, attack: Attack, open_: Callable[[], AgentLink], seed: int
-    ) -> None:
-        self._link, self._login, self._attack, self._open = link, login, attack, open_
+    def __init__(self, link: AgentLink, endpoint: str, login: Login, attack: Attack, seed: int) -> None:
+        self._link, self._login, self._attack = link, login, attack
+        self._open = lambda: AgentLink(endpoint, login)
+        self._open_strange = lambda: open_client(endpoint, login, JOIN_S, _STRANGE)
         self._random, self._memory, self._agents = Random(seed), dict[str, Any](), keys.MAX_AGENTS
         self._seals: Seals = Stamps(login.agent)
         self._asked: Tick | None = None
@@ -95,7 +99,19 @@ class _Turned:
         swarm, me = self._login.swarm, self._login.agent
         say, memory, seals = self._link.send, self._memory, self._seals
         self._attack(
-            Turn(swarm, me, self._agents, self._asked, message, say, self._open, self._random, memory, seals)
+            Turn(
+                swarm,
+                me,
+                self._agents,
+                self._asked,
+                message,
+                say,
+                self._open,
+                self._open_strange,
+                self._random,
+                memory,
+                seals,
+            )
         )
 
     def use_datagrams(self, key: bytes) -> None:
@@ -116,5 +132,5 @@ class Insider:
         gc.set_threshold(100_000)
         leave = leave_on_sigterm()
         with AgentLink(endpoint, login, JOIN_S) as link:
-            turned = _Turned(link, login, self._attack, lambda: AgentLink(endpoint, login), self._seed)
+            turned = _Turned(link, endpoint, login, self._attack, self._seed)
             fly(turned, agent, policy, lambda: leave.asked, LEAVES_S, login.seals)

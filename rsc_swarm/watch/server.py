@@ -6,6 +6,7 @@ reads again it is given what it missed, thinned (rsc_swarm.watch.recording). It 
 
 import asyncio
 import json
+import logging
 import secrets
 import socket
 from collections.abc import Iterator
@@ -181,6 +182,7 @@ class _Server(uvicorn.Server):
 
 def serve(listener: socket.socket, end: socket.socket, hosts: list[str], token: str | None) -> None:
     """Serve until the flight's window is closed. listener: it listens already; end: the other end of the window."""
+    logging.disable()  # else what strangers send to the port is told in the terminal of the flight
     asyncio.run(_serve(listener, end, hosts, token))
 
 

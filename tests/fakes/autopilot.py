@@ -4,7 +4,11 @@ PX4: OFFBOARD is entered, and armed in, only after setpoints have come at more t
 COM_OF_LOSS_T, it does what COM_OBL_RC_ACT says: 4 is a landing; by default it waits for a pilot, who is not there.
 
 ArduPilot: armed in GUIDED only; leaves the ground only by NAV_TAKEOFF. Without setpoints for GUID_TIMEOUT it stops at the last
-position it was told. Without heartbeats of its ground station for FS_GCS_TIMEOUT it lands where FS_GCS_ENABLE is 5.
+position it was told. Without heartbeats of its ground station for FS_GCS_TIMEOUT it lands where FS_GCS_ENABLE is 5, after it has
+held for 4 s. It follows late, and sinks, stands and swings as the firmware of ArduCopter 4.7-dev did (docs/hardware.md).
+
+Where it has its origin from satellites, ArduPilot keeps that and says nothing to another, or takes it after it has
+said that it took another; PX4 takes what it is given.
 
 Both: a landing ends disarmed; armed on the ground for 10 s, they disarm; in the air they are disarmed by force alone.
 """
@@ -19,20 +23,24 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.fakes.motion import STILL, Goal, Motion, Vector
 
 _STEP_S = 0.005
-_LAND_MPS, _CLIMB_MPS = 0.7, 1.0
+_CLIMB_MPS = 1.0
 _FORCE = 21196
 _DRAIN_PER_S = 1 / 900
 STREAM_FOR_S, STREAM_GAP_S, IDLE_DISARM_S = 1.0, 0.5, 10.0
 
 
 class Make(Enum):
-    """Whose autopilot: its number in a heartbeat, the custom modes of being led, landing and waiting for a pilot."""
+    """Whose autopilot: its number in a heartbeat, the custom modes of being led, landing and waiting for a pilot; how fast it
+    sinks [m/s], how long its failsafe waits before that, and how long it stands before its motors are off [s]."""
 
-    PX4 = 12, 6 << 16, 4 << 16 | 6 << 24, 3 << 16
-    ARDUPILOT = 3, 4, 9, 5
+    PX4 = 12, 6 << 16, 4 << 16 | 6 << 24, 3 << 16, 0.7, 0.0, 0.0
+    ARDUPILOT = 3, 4, 9, 5, 0.5, 4.0, 2.0
 
-    def __init__(self, number: int, led: int, land: int, wait: int) -> None:
+    def __init__(
+        self, number: int, led: int, land: int, wait: int, sink_mps: float, pause_s: float, stand_s: float
+    ) -> None:
         self.number, self.led, self.land, self.wait = number, led, land, wait
+        self.sink_mps, self.pause_s, self.stand_s = sink_mps, pause_s, stand_s
 
 
 def ned(enu: Vector) -> Vector:
@@ -44,18 +52,20 @@ class FakeAutopilot:
 
     Attributes that a test may set:
         frozen: it has no position any more, and says nothing of it. dead_link: nothing comes through. battery: 0 to 1.
-        needs_position: it knows where it is only while it is told. parameters: its own.
+        needs_position: it knows where it is only while it is told. parameters: its own. origin: latitude, longitude, altitude as
+        MAVLink has them, or None. lies: where that is in the room, which is where it counts from.
     Attributes to look at:
-        motion, custom_mode, armed; targets: how many setpoints it was sent; origin: what it was told, or None; fell: in m/s.
+        motion, custom_mode, armed; targets: how many setpoints it was sent; fell: in m/s.
     """
 
     def __init__(self, make: Make, start: Vector = STILL, system: int = 1, tuned: bool = True) -> None:
         """``tuned``: its parameters are as they should be, not as they come."""
-        self.make, self.motion = make, Motion(start)
+        self.make, self.motion = make, Motion(start, lags=make is Make.ARDUPILOT)
         self.custom_mode, self.armed = make.wait, False
         self.frozen = self.dead_link = self.needs_position = False
         self.battery, self.targets = 1.0, 0
         self.origin: tuple[int, int, int] | None = None
+        self.lies: Vector = STILL
         px4 = {"COM_OF_LOSS_T": 0.5 if tuned else 1.0, "COM_OBL_RC_ACT": 4.0 if tuned else 0.0}
         ardupilot = {
             "GUID_TIMEOUT": 0.5 if tuned else 3.0,
@@ -71,6 +81,7 @@ class FakeAutopilot:
             self._measured_at
         ) = -math.inf
         self._climbing_to: float | None = None
+        self._sinks_at = -math.inf
         message_ids = {"HEARTBEAT": 1.0, "LOCAL_POSITION_NED": 0.1, "ATTITUDE": 0.1, "SYS_STATUS": 1.0}
         self._due = {name: [period, 0.0] for name, period in message_ids.items()}
 
@@ -109,10 +120,12 @@ class FakeAutopilot:
                 self._goal = Goal(self._goal.p, yaw=self._goal.yaw)
             if (
                 self.parameters["FS_GCS_ENABLE"] == 5
+                and self._station_at > -math.inf  # it misses nobody whom it never heard
                 and self._now - self._station_at > self.parameters["FS_GCS_TIMEOUT"]
             ):
-                self.custom_mode = self.make.land
-        if self.landed and (self.custom_mode == self.make.land or self._now - self._armed_at > IDLE_DISARM_S):
+                self.custom_mode, self._sinks_at = self.make.land, self._now + self.make.pause_s
+        patience = self.make.stand_s if self.custom_mode == self.make.land else IDLE_DISARM_S
+        if self.landed and self._now - self._armed_at > patience:
             self.armed, self._goal, self._climbing_to = False, None, None
 
     def _step(self, dt: float) -> None:
@@ -128,7 +141,10 @@ class FakeAutopilot:
     def _wanted(self) -> Goal | None:
         x, y, z = self.motion.p
         if self.custom_mode == self.make.land:
-            return Goal((x, y, None), (0.0, 0.0, -_LAND_MPS), yaw=self.motion.yaw)
+            sinks = self._now >= self._sinks_at
+            return Goal(
+                (x, y, None if sinks else z), (0.0, 0.0, -self.make.sink_mps * sinks), yaw=self.motion.yaw
+            )
         if self.custom_mode != self.make.led:
             return None if self.landed else Goal((None, None, z))  # a pilot whose hands are off: it drifts
         if self._climbing_to is not None:
@@ -170,6 +186,7 @@ class FakeAutopilot:
         numbers.append((message.afx, message.afy, message.afz))
         used = [(message.type_mask >> shift) & 7 == 0 for shift in (0, 3, 6)]
         p, v, a = (ned(vector) if use else STILL for vector, use in zip(numbers, used, strict=True))
+        p = p[0] + self.lies[0], p[1] + self.lies[1], p[2] + self.lies[2]
         yaw = self.motion.yaw if message.type_mask & 1024 else math.pi / 2 - message.yaw
         self._goal, self._climbing_to = Goal(p, v, a, yaw), None
         return []
@@ -181,6 +198,8 @@ class FakeAutopilot:
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
         }.get(message.command)
+        if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            return self._its_origin() if message.param1 == 49 else []
         result = what(message) if what else mavlink.MAV_RESULT_UNSUPPORTED
         return [mavlink.MAVLink_command_ack_message(message.command, result)]
 
@@ -241,8 +260,13 @@ class FakeAutopilot:
         return [mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self.parameters), 0)]
 
     def _on_set_gps_global_origin(self, message: Any) -> list[Any]:
+        if self.origin and self.make is Make.ARDUPILOT:
+            return []
         self.origin = message.latitude, message.longitude, message.altitude
-        return [mavlink.MAVLink_gps_global_origin_message(*self.origin)]
+        return self._its_origin()
+
+    def _its_origin(self) -> list[Any]:
+        return [mavlink.MAVLink_gps_global_origin_message(*self.origin)] if self.origin else []
 
     def _on_vision_position_estimate(self, message: Any) -> list[Any]:
         self._measured_at = self._now
@@ -273,13 +297,16 @@ class FakeAutopilot:
                 3,
             )
         if name == "LOCAL_POSITION_NED" and self._located:
-            return mavlink.MAVLink_local_position_ned_message(ms, *ned(motion.p), *ned(motion.v))
+            x, y, z = (at - zero for at, zero in zip(motion.p, self.lies, strict=True))
+            return mavlink.MAVLink_local_position_ned_message(ms, *ned((x, y, z)), *ned(motion.v))
         if name == "ATTITUDE":
             roll, pitch, yaw = motion.tilt
             return mavlink.MAVLink_attitude_message(ms, roll, -pitch, math.pi / 2 - yaw, 0.0, 0.0, 0.0)
         if name == "SYS_STATUS":
             percent = round(100 * self.battery)
             return mavlink.MAVLink_sys_status_message(0, 0, 0, 100, 12000, 100, percent, 0, 0, 0, 0, 0, 0)
+        if name == "GPS_GLOBAL_ORIGIN" and self.origin:
+            return mavlink.MAVLink_gps_global_origin_message(*self.origin)
         if name == "EXTENDED_SYS_STATE":
             return mavlink.MAVLink_extended_sys_state_message(0, 1 if self.landed else 2)
         return None

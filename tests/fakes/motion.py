@@ -8,6 +8,10 @@ Vector = tuple[float, float, float]
 STILL: Vector = (0.0, 0.0, 0.0)
 
 _STIFFNESS, _DAMPING = 36.0, 12.0  # 1/s², 1/s: critically damped
+_SLOW, _LAG_S = (
+    (2.0, 2.0),
+    0.3,
+)  # of ArduCopter's firmware, from how it follows a step and a ramp (tests.firmware.flown)
 _MOST_ACCELERATION = 8.0  # m/s²: a tilt of 40 degrees
 _DRAG = 0.3  # 1/s
 _HARD_MPS = 1.5  # who meets the floor faster than this has fallen
@@ -25,22 +29,30 @@ class Goal:
 
 @dataclass
 class Motion:
-    """Where it is, in metres, z up; ``fell``: how fast it met the floor when that was too fast [m/s]."""
+    """Where it is, in metres, z up; ``fell``: how fast it met the floor when that was too fast [m/s]; ``lags``: along the floor
+    it follows as late, and swings as far, as ArduCopter as it comes."""
 
     p: Vector
     v: Vector = STILL
     a: Vector = STILL
     yaw: float = 0.0
     fell: float = 0.0
+    lags: bool = False
 
     def fly(self, goal: Goal, dt: float) -> None:
         """Follow ``goal`` for ``dt``. Where it says None, speed is followed (drifting, where that is zero)."""
         wanted = []
-        for p, v, to_p, to_v, to_a in zip(self.p, self.v, goal.p, goal.v, goal.a, strict=True):
+        for axis, (p, v, to_p, to_v, to_a) in enumerate(
+            zip(self.p, self.v, goal.p, goal.v, goal.a, strict=True)
+        ):
+            stiffness, damping = _SLOW if self.lags and axis < 2 else (_STIFFNESS, _DAMPING)
             if to_p is None:
-                wanted.append(-_DRAG * v if to_v == 0.0 else to_a + _DAMPING * (to_v - v))
+                wanted.append(-_DRAG * v if to_v == 0.0 else to_a + damping * (to_v - v))
             else:
-                wanted.append(to_a + _STIFFNESS * (to_p - p) + _DAMPING * (to_v - v))
+                wanted.append(to_a + stiffness * (to_p - p) + damping * (to_v - v))
+        if self.lags:
+            share = min(1.0, dt / _LAG_S)
+            wanted[:2] = [a + share * (to_a - a) for a, to_a in zip(self.a, wanted[:2], strict=False)]
         size = math.hypot(*wanted)
         factor = min(1.0, _MOST_ACCELERATION / size) if size else 1.0
         self.yaw = goal.yaw

@@ -1,48 +1,52 @@
 """The real firmware of an autopilot, simulated: where an operator names a command that starts it (RSC_ARDUCOPTER, RSC_PX4)."""
 
+import math
 import os
-import shlex
-import subprocess
-import time
-from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 import pytest
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from agent.air.vehicle import Mode, Rig, State, VehicleError, make_vehicle
+from agent.air.vehicle import Mode
+from tests.firmware.flown import STORIES, Flown, Told, flying
 
-CONNECTIONS = {"RSC_ARDUCOPTER": "tcp:127.0.0.1:5760", "RSC_PX4": "udpin:127.0.0.1:14540"}
+NAMES = {"RSC_ARDUCOPTER": "ardupilot", "RSC_PX4": "px4"}
+_NEVER = math.inf
+#: At the latest, as its own clock and a busy machine have it.
+WITHIN = {
+    "its drone's process is killed": Told(3.0, 3.5, 20.0),
+    "its drone hangs": Told(3.0, 1.5, 15.0),
+    "a pilot takes it": Told(5.0, _NEVER, _NEVER),
+    "`land` is ordered": Told(3.0, 1.0, 15.0),
+    "`kill` is ordered": Told(_NEVER, _NEVER, 1.0),
+}
 
 
-@pytest.mark.parametrize("name", CONNECTIONS)
-def test_it_takes_off_and_lands(name: str) -> None:
+def flown(variable: str) -> AbstractContextManager[Flown]:
+    if variable not in os.environ:
+        pytest.skip(f"{variable} names no command that starts one")
+    return flying(NAMES[variable], os.environ[variable])
+
+
+@pytest.mark.parametrize("variable", NAMES)
+def test_it_takes_off_flies_a_circle_and_lands(variable: str) -> None:
     """Its parameters are left as they are: preflight would not let all of them pass."""
-    if name not in os.environ:
-        pytest.skip(f"{name} names no command that starts one")
-    with subprocess.Popen(shlex.split(os.environ[name])) as firmware:
-        try:
-            vehicle = make_vehicle(f"mavlink:{CONNECTIONS[name]}", Rig(0, (0.0, 0.0, 0.0), 2.0, 3.0))
-            deadline = time.monotonic() + 120.0
-            while True:
-                try:
-                    vehicle.open(5.0)
-                    break
-                except VehicleError:
-                    assert time.monotonic() < deadline
+    with flown(variable) as one:
+        one.climb()
+        assert one.circle(15.0) < 0.4
+        one.vehicle.land()
+        one.until(lambda state: state.mode is Mode.GROUND)
 
-            def until(so: Callable[[State], bool], seconds: float = 60.0) -> None:
-                deadline = time.monotonic() + seconds
-                while not so(state := vehicle.state()):
-                    assert time.monotonic() < deadline, state
-                    time.sleep(0.01)
 
-            vehicle.arm()
-            until(lambda state: state.armed)
-            vehicle.take_off(2.0)
-            until(lambda state: state.mode is Mode.HOLD)
-            vehicle.land()
-            until(lambda state: state.mode is Mode.GROUND)
-            vehicle.close()
-        finally:
-            firmware.kill()
+@pytest.mark.parametrize("what", STORIES)
+@pytest.mark.parametrize("variable", NAMES)
+def test_what_goes_wrong_is_answered(variable: str, what: str) -> None:
+    """Its parameters have to be those that preflight wants."""
+    with flown(variable) as one:
+        one.climb()
+        one.circle(6.0)
+        told, within = STORIES[what](one), WITHIN[what]
+    for at, latest in zip(told[:3], within[:3], strict=True):
+        assert at <= latest, told
+    assert (told.down == _NEVER) == (within.down == _NEVER), told

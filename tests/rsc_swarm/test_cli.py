@@ -316,3 +316,13 @@ def test_nothing_is_written_where_nothing_was_asked(run, tmp_path, monkeypatch):
     run("simulate", "--agents", "1", "--set", "fly_s=0.1")
     run("evaluate", "--agents", "1", "--set", "fly_s=0.1", "--maps", "1", "--starts", "1")
     assert list(Path().iterdir()) == []
+
+
+def test_a_name_that_cannot_be_written_into_a_report_is_refused_before_anything_is_flown(run, tmp_path):
+    """It was flown, and then neither told nor kept."""
+    strange = os.fsdecode(os.fsencode(tmp_path) + b"/r\xe9")
+    code, out, err = run("simulate", "--agents", "4", "--run-dir", strange)
+    assert (code, out) == (2, "")
+    assert err == (
+        f"rsc-swarm: {tmp_path}/r\\udce9: is no text in UTF-8, as which reports are written; give another name\n"
+    )

@@ -120,6 +120,11 @@ def test_a_file_that_others_may_read_is_refused(tmp_path: Path, mode: int) -> No
         read_login(path, 1, TLS, plain_text=False)
 
 
+def test_a_file_without_end_is_not_read_to_its_end() -> None:
+    with pytest.raises(KeyFileError, match=r"^/dev/zero: is too long for a file of keys; use one as "):
+        read_login(Path("/dev/zero"), 1, TLS, plain_text=False)
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file away")
 def test_a_file_that_somebody_else_gave_to_read_is_taken(tmp_path: Path) -> None:
     """As systemd does: the file is root's, and whoever may read it was chosen there."""

@@ -153,12 +153,22 @@ def test_what_may_be_raised_is_raised() -> None:
     assert (said.returncode, complaints(said)) == (1, [])
 
 
+@pytest.mark.parametrize(("hard", "raised"), [(4096, 1556), (1000, 1000), (resource.RLIM_INFINITY, 1556)])
+def test_strangers_who_knock_at_the_world_do_not_take_the_files_that_it_needs(
+    monkeypatch: pytest.MonkeyPatch, hard: int, raised: int
+) -> None:
+    limits = {resource.RLIMIT_NOFILE: (256, hard)}
+    monkeypatch.setattr(resource, "getrlimit", lambda which: limits.get(which, (resource.RLIM_INFINITY,) * 2))
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
+    make_room(4)
+    assert limits[resource.RLIMIT_NOFILE] == (raised, hard)
+
+
 @pytest.mark.parametrize(
     ("verb", "little", "needed"), [("launch", 1500, 2048), ("launch", 485, 1024), ("simulate", 485, 1024)]
 )
 def test_too_little_memory_is_told_before_anything_is_started(verb: str, little: int, needed: int) -> None:
-    most = (little << 20, little << 20)
-    said = run(verb, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, most))
+    said = run(verb, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, 2 * (little << 20,)))
     line = f"a process may have {little} MiB of addresses here, and needs {needed}: allow more (ulimit -v {needed << 10})"
     assert (said.returncode, complaints(said)) == (3, [f"rsc-swarm: {line}"])
 

@@ -1,10 +1,13 @@
 """Processes that a launcher starts, watches and ends: each end is told once, and who is asked to leave can do so in peace."""
 
+import errno
+import os
 from collections.abc import Callable
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from rsc_swarm.flight.world_process import PipeControl
@@ -129,7 +132,7 @@ def test_a_frozen_child_that_answers_signals_itself_is_thawed_to_leave(
     assert lines == ["[(0, None)]"] * 2
 
 
-@pytest.mark.parametrize("number", ["SIGINT", "SIGHUP"])
+@pytest.mark.parametrize("number", ["SIGINT", "SIGHUP", "SIGQUIT"])
 def test_what_a_terminal_sends_to_all_is_answered_by_the_launcher_alone(
     tell: Callable[[str], list[str]], number: str
 ) -> None:
@@ -212,3 +215,19 @@ def test_of_whatever_the_world_has_shown_its_launcher_has_the_figures() -> None:
     control.so_far = lambda: figures
     control.show(shown)
     assert [ours.recv(), ours.recv()] == [("so far", figures), ("show", shown)]
+
+
+def test_a_world_that_may_open_no_more_files_takes_no_drone_for_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It asks the system about a drone that is late, and one drone may have opened all the files there are."""
+
+    def no_more(pid: int) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    ours, theirs = Pipe()
+    control = PipeControl(theirs, lambda: False)
+    ours.send(("started", 0, os.getpid()))
+    assert control.lost() == []
+    monkeypatch.setattr(psutil, "Process", no_more)
+    assert not control.paused(0)

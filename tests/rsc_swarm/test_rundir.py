@@ -166,3 +166,20 @@ def test_two_runs_at_once_do_not_write_into_one_directory(tmp_path):
     )
     del first
     RunDir(tmp_path / "run").begin(SMALL)
+
+
+def test_a_flight_that_another_run_has_just_finished_there_is_not_overwritten(tmp_path, monkeypatch):
+    """Between the look whether the directory is free and the moment in which it is ours, that run may have ended."""
+    first, lock = RunDir(tmp_path / "run"), RunDir._lock
+    first.begin(SMALL)
+    folder = first.path
+    del first
+
+    def finished_meanwhile(self):
+        (folder / "report.json").write_text("{}")
+        lock(self)
+
+    monkeypatch.setattr(RunDir, "_lock", finished_meanwhile)
+    with pytest.raises(RunDirError, match="holds a flight already"):
+        RunDir(folder).begin(SMALL)
+    assert (folder / "report.json").exists()

@@ -2,6 +2,7 @@
 
 import queue
 import socket
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -117,6 +118,11 @@ def test_who_has_not_the_key_of_this_process_is_not_heard(world: Met) -> None:
         each.close()
     assert heard.get(timeout=30) == (3, b"new")
     assert heard.empty()
+
+
+def test_whoever_hears_datagrams_leaves_time_to_the_thread_that_flies(world: Met) -> None:
+    """Beside rubbish as fast as a process can send it, commands were 1.7 s old, and all drones were braked."""
+    assert sys.getswitchinterval() < 1e-3
 
 
 def test_a_port_that_is_taken_is_named(world: Met) -> None:

@@ -115,6 +115,17 @@ def test_a_link_that_reads_nothing_is_cut_and_the_world_goes_on(
     assert len(cuts) < 10  # ... each 0.4 s after the last: the send had ended with the first
 
 
+def test_what_comes_in_fragments_is_no_longer_than_a_drone_may_say(world: WorldLink, endpoint: str) -> None:
+    """Zenoh would join up to a gigabyte; the world's own drones send no fragments."""
+    with intruder(endpoint, LOGINS[1]) as session:
+        speak(world, session, 1, b"here")
+        own = session.declare_publisher(keys.tx(SWARM, 1), congestion_control=zenoh.CongestionControl.BLOCK)
+        own.put(bytes(20_000_000))
+        own.put(b"short enough")
+        assert world.receive(PATIENCE_S) == (1, b"short enough")
+        assert world.turned_away(1) == 0  # it never got as far
+
+
 @contextmanager
 def deaf(world: WorldLink, endpoint: str, agent: int) -> Iterator[None]:
     """An agent that is heard and then reads nothing: it is stopped, and in a process of its own."""

@@ -11,7 +11,7 @@ import pytest
 
 from protocols.mission.document import Mission
 from protocols.wire import messages
-from protocols.wire.messages import Hello, Ready, Reply, Welcome
+from protocols.wire.messages import Farewell, Hello, Ready, Reply, Welcome
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from tests.loopback import Loopback, fly
 from tests.world.served import SILENT, assert_struck_off, mission, told
@@ -225,6 +225,21 @@ def test_a_drone_that_believes_the_impossible_is_struck_off_by_name(status: Agen
     assert (flown.outcome.failure, flown.outcome.lost_agents, flown.outcome.ticks) == ("broken", (2,), 60)
     assert str(flown.watched.breach).startswith(f"{rule} broken at tick 25: agent 2 ")
     assert flown.statuses[2].view == OWN, "what it told before stands"
+
+
+@pytest.mark.parametrize("account", sorted({*IMPOSSIBLE} - {"a slot it does not claim"}))
+def test_a_last_account_that_cannot_be_true_is_not_in_the_report(account: str) -> None:
+    status, _ = IMPOSSIBLE[account]
+
+    def turn(agent: int, tick: int, reply: bytes) -> list[bytes]:
+        if (agent, tick) == (2, 25):
+            swarm.drones[2].farewell = lambda: Farewell(told(reply).process, status)  # type: ignore[method-assign]
+        return [reply]
+
+    swarm = Loopback(mission(), turn)
+    flown = WorldServer(swarm.mission, swarm, "lockstep", swarm).run()
+    assert flown.statuses[2] != status
+    assert flown.outcome == undisturbed(mission())
 
 
 def test_a_drone_in_the_right_is_not_struck_off_for_another_that_borrows_its_digest() -> None:

@@ -46,6 +46,8 @@ class WorldDatagrams:
                 f"cannot listen for datagrams of {endpoint}: {error.strerror or error}. In real time the world listens on the "
                 "UDP port of the same number (quic: the next one): free it, or choose another port"
             ) from error
+        if self._sockets:
+            datagrams.share_time()
         for one in self._sockets:
             threading.Thread(target=self._hear, args=(one,), daemon=True).start()
 

@@ -26,7 +26,15 @@ from protocols.closing import Closing
 from protocols.wire import keys, messages, pieces
 from protocols.wire.endpoints import ANYWHERE, PLAIN, SECRET, is_secret, split
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON, WORLD_RUNTIME, few_threads, filled, secret
+from protocols.wire.transport import (
+    COMMON,
+    MOST_KNOCKING,
+    MOST_SESSIONS,
+    WORLD_RUNTIME,
+    few_threads,
+    filled,
+    secret,
+)
 from world.server.credentials import Credentials
 from world.server.datagrams import WorldDatagrams
 from world.server.pipes import Lookout
@@ -116,8 +124,12 @@ def _open_router(credentials: Credentials, endpoints: Sequence[str]) -> zenoh.Se
         "listen/exit_on_failure": True,
         "scouting/delay": 0,  # nobody is scouted, so nobody is waited for
         **COMMON,
-        "transport/unicast/accept_pending": 2 * keys.MAX_AGENTS,  # a whole swarm may knock at once
-        "transport/unicast/max_sessions": 4 * keys.MAX_AGENTS,
+        "transport/unicast/accept_pending": MOST_KNOCKING,
+        "transport/unicast/max_sessions": MOST_SESSIONS,
+        # With whoever does not want this transport of ours Zenoh speaks its usual one. There it would join fragments up to a
+        # gigabyte, and, with the one thread that reads from all, wait 5 s for one that declares much and reads nothing.
+        "transport/link/rx/max_message_size": messages.MAX_FROM_DRONE,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 1000,  # microseconds
         "access_control": _access_control(credentials.swarm, len(credentials.passwords), certified),
     }
     if credentials.certificates and certified:

@@ -91,7 +91,8 @@ def save(figure: Any, out: Path) -> None:
     """
     if out.is_dir() or not out.suffix:
         raise PlotError(f"--out {out}: give a file that ends in .png, .svg or .pdf")
-    figure.tight_layout()
+    if figure.get_layout_engine() is None:
+        figure.tight_layout()
     try:
         figure.savefig(out, dpi=160, facecolor="white")
     except (OSError, ValueError) as error:

@@ -2,10 +2,11 @@
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.fleet.place import Flat, Place, ned_of, ned_yaw
+from protocols.fleet.place import Flat, Place, ned_of, ned_yaw, way
 
 numbers = st.floats(-1e3, 1e3)
 points = st.tuples(numbers, numbers)
@@ -64,3 +65,17 @@ def test_a_heading_in_ned_points_the_same_way(yaw: float) -> None:
     assert -math.pi < turned <= math.pi
     assert near((math.cos(turned), math.sin(turned)), (north, east))
     assert abs(math.remainder(ned_yaw(turned) - yaw, 2 * math.pi)) < 1e-9
+
+
+@given(st.floats(-80, 80), st.floats(-180, 180), st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3))
+def test_the_way_between_two_places_on_earth(
+    latitude: float, longitude: float, north: float, east: float
+) -> None:
+    x, y = way((latitude, longitude), (latitude + north, longitude + east))
+    assert y == pytest.approx(111_320 * north, rel=1e-3, abs=1e-4)
+    assert x == pytest.approx(111_320 * east * math.cos(math.radians(latitude)), rel=2e-3, abs=1e-4)
+    assert near(way((latitude + north, longitude + east), (latitude, longitude)), (-x, -y))
+
+
+def test_a_way_over_the_date_line_is_short() -> None:
+    assert way((0.0, 179.9999), (0.0, -179.9999))[0] == pytest.approx(22.26, abs=0.01)

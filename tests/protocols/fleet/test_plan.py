@@ -126,6 +126,28 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("one height and many", {"height_m": 1, "slot_heights_m": [1, 1, 1]}, "height_m: slot_heights_m says it of each slot"),
     ("noise of no obstacles", {"world": {"noise_m": 0.05}}, "world.noise_m: the world adds no obstacles"),
     ("limits upside down", {"guard": {"position_hold_s": 2}}, "position_hold_s: 2 is not less than position_land_s"),
+    ("a fence in millimetres", {"fence": {"x_m": [-4000, 5000], "y_m": [-2, 2]}}, "keeps nobody in; give it in metres"),
+    ("a ceiling in millimetres", {"fence": {"x_m": [-4, 5], "y_m": [-2, 2], "z_m": [0, 2500]}}, "fence.z_m: .* keeps nobody in"),
+    ("a floor above the ground", {"fence": {"x_m": [-4, 5], "y_m": [-2, 2], "z_m": [0.2, 2]}},
+     r"fence.z_m: \[0.2, 2\] is smaller than the way; give at least \[0, 1.2\]"),
+    ("a fence that is turned", {"fence": {"x_m": [-2, 2], "y_m": [-4, 5]}}, r"fence.x_m: \[-2, 2\] is smaller than the way"),
+    ("a height in centimetres", {"height_m": 80}, "fence.z_m: .* smaller than the way"),
+    ("a turn in radians", {"yaw_deg": 3.14159, "origin_m": [3, 0]}, "fence.x_m: .* smaller than the way"),
+    ("a turn that is no number", {"yaw_deg": math.nan}, "yaw_deg: .* finite number"),
+    ("an origin out of this world", {"origin_m": [1e300, 0]}, "origin_m.0: .*1000000"),
+    ("an origin of three numbers", {"origin_m": [-3, 0, 0]}, "origin_m: write at most 2 values"),
+    ("a start as text", {"drones": drones({"start_m": "-3, 0"}, {}, {})}, "drones.0.start_m: write a list"),
+    ("an obstacle where they land", {"obstacles_m": [[3, 0, 0.3]]}, "fence.x_m: .* smaller than the way"),
+    ("a tilt in radians", {"guard": {"tilt_land_deg": 0.87}}, "guard.tilt_land_deg: .* 5"),
+    ("a battery in per cent", {"guard": {"battery_land": 20}}, "guard.battery_land: .* 1"),
+    ("milliseconds in seconds", {"guard": {"clock_hold_ms": 0.02}}, "guard.clock_hold_ms: .* 1"),
+    ("seconds in milliseconds", {"guard": {"position_hold_s": 150, "position_land_s": 500}}, "guard.position_hold_s: .* 10"),
+    ("a limit that is none", {"guard": {"jump_m": 1e6}}, "guard.jump_m: .* 100"),
+    ("a limit that is always passed", {"guard": {"setpoint_hold_s": 0.01}}, "guard.setpoint_hold_s: .* 0.05"),
+    ("ports beyond the last", {"radio": {"port": 65000}}, "radio.port: .*64000"),
+    ("an address of everywhere", {"ground": "quic/0.0.0.0:7000", "keys": "keys"}, "is no machine that others could reach"),
+    ("an operator out of reach", {"keys": "keys", "drones": drones(*({"address": f"quic/10.0.0.{i}:7000"} for i in range(3)))},
+     "ground: quic/127.0.0.1:7450 is reached on its own machine alone, and drones.0.address is on another: quic/10.0.0.0:7000"),
     ("a frame rate between", {"radio": {"frame_rate_hz": 70}}, "frame_rate_hz: 70 Hz .* nearest"),
 ]  # fmt: skip
 
@@ -148,8 +170,21 @@ def test_a_room_must_say_what_stands_in_it() -> None:
 def test_keys_make_all_links_secret_and_plain_text_leaves_a_machine_only_when_told_to() -> None:
     made = plan(keys="keys").fleet
     assert (made.ground_address, made.address(2)) == ("quic/127.0.0.1:7450", "quic/127.0.0.1:7453")
-    told = plan(ground="udp/10.0.0.1:7000", radio={"plain_text": True}).fleet
-    assert (told.ground_address, told.address(0)) == ("udp/10.0.0.1:7000", "udp/127.0.0.1:7451")
+    away = drones(*({"address": f"udp/10.0.0.{i}:7000"} for i in (2, 3, 4)))
+    told = plan(ground="udp/10.0.0.1:7000", drones=away, radio={"plain_text": True}).fleet
+    assert (told.ground_address, told.address(0)) == ("udp/10.0.0.1:7000", "udp/10.0.0.2:7000")
+
+
+def test_obstacles_of_the_room_decide_how_far_is_flown() -> None:
+    """The formation has to be behind all that stands there, as in the mission."""
+    near, far = (
+        plan(obstacles_m=[[0.0, 0.0, 0.3]]),
+        plan(obstacles_m=[[1.0, 0.0, 0.3]], fence={"x_m": [-4, 9], "y_m": [-2, 2]}),
+    )
+    assert near.ticks == plan().ticks
+    assert far.goal_x_m == pytest.approx((1.0 + 0.3 + 3.0) / 0.3)
+    rear = min(x for x, _ in far.slots_at(far.ticks))
+    assert rear > far.place.to_room((far.goal_x_m, 0.0))[0]
 
 
 def test_a_mission_may_be_turned_where_there_is_room() -> None:

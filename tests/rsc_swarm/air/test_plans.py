@@ -13,6 +13,7 @@ from protocols.fleet.document import FleetError
 from rsc_swarm.air.bodies import vehicle_of
 from rsc_swarm.air.plans import read_plan
 from rsc_swarm.cli import main as cli
+from rsc_swarm.show.plots.room import told
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -45,6 +46,28 @@ def test_a_plan_is_drawn(
     )
     assert "can be flown by 6 drones" in capsys.readouterr().out
     assert picture.stat().st_size > 5000
+
+
+def test_a_plans_picture_says_what_it_cannot_show(tmp_path: Path) -> None:
+    turned = {"yaw_deg": 1.5708, "height_m": 1.2, "world": {"obstacles_m": [[-1.6, -0.35, 0.12]]}}
+    text = told(read_plan(fleet_file(tmp_path, **turned)))
+    for words in (
+        "6 drones, mission lab-small",
+        "turned by 1.5708 degrees",
+        "1.2 m high (fence 0 to 1.6 m)",
+        "1.25 m/s",
+    ):
+        assert words in text
+
+
+def test_a_check_tells_what_may_go_wrong(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    crazyflies = [{"body": f"crazyflie:radio://0/80/2M/E7E7E7E70{n}"} for n in range(6)]
+    file, picture = fleet_file(tmp_path, *crazyflies), str(tmp_path / "plan.png")
+    assert run(monkeypatch, "ground", "--fleet", str(file), "--check", "--out", picture) == 0
+    assert "dongle 0 leads 6 Crazyflies: more than 3 are led badly by one" in capsys.readouterr().err
 
 
 def test_a_mission_beside_the_fleet_file_is_found(tmp_path: Path) -> None:
@@ -87,11 +110,16 @@ MEANS_NOTHING: list[tuple[list[dict[str, Any]], dict[str, Any], str]] = [
     ([{"body": CRAZYFLIE, "dongle": 1}], {}, "drones.0.dongle: 1, and radio://0/80/2M/E7E7E7E701 is reached by dongle 0"),
     ([{"body": CRAZYFLIE}, {"body": OVER_ANOTHER}], {}, "drones: 0 and 1 have both the body crazyflie:radio://0/80/2M/E7E7E7E701"),
     ([{"body": AUTOPILOT}, {"body": AUTOPILOT + "?system=2"}], {}, "drones: 0 and 1 have both the body mavlink:"),
+    ([{"body": AUTOPILOT}, {"body": "mavlink:udpin:localhost:14550"}], {}, "drones: 0 and 1 have both the body mavlink:"),
     ([{"body": AUTOPILOT, "options": {"origin": "47,8,500"}}, {"body": ANOTHER}], {}, "drones: 0 and 1 have different options"),
     ([{"body": AUTOPILOT, "options": {"origin": "47,8,500"}}, {"body": ANOTHER, "options": {"origin": "47,8,501"}}], {},
      "drones: 0 and 1 have different options"),
     ([{"body": "balloon:"}], {}, "drones.0: 'balloon:' is no vehicle"),
     ([{"body": "crazyflie:radio://0"}], {}, "drones.0: crazyflie:radio://0: 'radio://0' is no address"),
+    ([{"body": "crazyflie:radio://0/180/2M/E7E7E7E701"}], {}, "is no address of a Crazyflie: .*channel to 125"),
+    ([{"body": "crazyflie:radio://0/80/2M/E7E7E7"}], {}, "is no address of a Crazyflie: .*ten digits"),
+    ([{"body": "crazyflie:udp://127.0.0.1:99999"}], {}, "is no address of a Crazyflie"),
+    ([{"body": "radio://0/80/2M/E7E7E7E701"}], {}, "drones.0: .* is no vehicle: write KIND:WHERE"),
     ([{"body": "mavlink:udpin:1"}], {}, "drones.0: mavlink:udpin:1: 'udpin:1' is no connection"),
     ([{"body": "point:frozn@3"}], {}, "drones.0: point:frozn@3: 'frozn@3' is nothing"),
 ]  # fmt: skip
@@ -107,6 +135,15 @@ def test_what_would_mean_nothing_to_a_body_is_refused(
         read_plan(fleet_file(tmp_path, *changes, **fields))
     assert str(refusal.value).startswith(str(tmp_path))
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("command", ["air", "ground"])
+def test_keys_that_are_not_there_are_told_once(
+    command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, command, "--fleet", str(fleet_file(tmp_path, keys="none"))) != 0
+    (told,) = capsys.readouterr().err.splitlines()
+    assert f"keys: there is no folder {tmp_path / 'none'}; make it with 'rsc-swarm keys --fleet" in told
 
 
 def test_every_companion_computer_has_a_line_of_its_own_to_its_autopilot(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from rsc_swarm.watch.window import Window
 from world.outlets.picture import COLUMNS, FLYING, FROZEN, LOST, picture, scene, unpacked
 
 pytest.importorskip("starlette", reason="the page needs the extra 'view'")
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from rsc_swarm.watch.site import Asked, Site, ViewError, served
@@ -216,3 +217,20 @@ def test_a_port_that_is_taken_is_said_in_a_line(site):
         served(Asked("nowhere.invalid")),
     ):
         pass
+
+
+def test_what_nobody_should_say_to_a_page_harms_no_other(site):
+    get(at(site, ""))
+    host, port = at(site, "").removeprefix("http://").rstrip("/").split(":")
+    for junk in (b"\x16\x03\x01 no request\r\n\r\n", b"GET / HTTP/1.1\r\nHost: \xff\r\n\r\n"):
+        with socket.create_connection((host, int(port)), timeout=20) as stranger:
+            stranger.sendall(junk)
+            assert b" 400 " in stranger.recv(100)
+    for words in (b"\x00\xff no text", "[" * 60_000, "x" * 70_000):
+        with connect(at(site, "live", "ws")) as page, suppress(ConnectionClosed, TimeoutError):
+            page.send(words)
+            page.recv(1)
+            page.recv(1)
+    with connect(at(site, "live", "ws")) as page:
+        site.window.say({"kind": "hello"})
+        assert json.loads(page.recv(20)) == {"kind": "hello"}
