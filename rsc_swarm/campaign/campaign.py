@@ -125,12 +125,11 @@ def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
         tally = _sum(journal)
         told(tally, 0)
         if missing or any(failure.digest not in journal.shrunk for failure in _first_of_each(tally)):
-            _fly_missing(plan, missing, journal, crew, told)
-            tally = _sum(journal)
+            tally = _fly_missing(plan, missing, journal, crew, told)
         return _with_shrunk(tally, journal)
 
 
-def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, crew: Crew, told: Told) -> None:
+def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, crew: Crew, told: Told) -> Tally:
     with told_in_a_line(), executor_of(crew, plan.mission) as executor:
         tally = _sum(journal)
         flying = {executor.submit(fly_task, plan, task): task for task in missing}
@@ -146,6 +145,7 @@ def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, crew: Crew
         for left, shrunk in enumerate(_ended(shrinking), 1):
             journal.shortened(shrinking[shrunk], shrunk.result())
             told(tally, len(todo) - left)
+        return tally
 
 
 def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:

@@ -121,6 +121,7 @@ def test_rows_are_chosen_by_their_words():
     keys = [row.key for row in chosen(TABLES["2"].rows, "n36/ours, n6/expert", "table 2")]
     assert keys == [
         "n6/expert",
+        "n6/expert/letter",
         "n36/analytic/ours",
         "n36/rsc-h20/ours",
         "n36/rsc-h30/ours",

@@ -37,7 +37,11 @@ print(json.dumps([sizes, off, describe(Path(sys.argv[1]) / "half.onnx").horizon]
 
 def test_a_model_in_half_precision_is_half_as_large_and_plans_nearly_the_same(tmp_path):
     run = subprocess.run(
-        [sys.executable, "-c", _EXPORT, str(tmp_path)], capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-c", _EXPORT, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
     )
     (full, half), off, horizon = json.loads(run.stdout)
     assert half < 0.7 * full
