@@ -213,7 +213,7 @@ def test_success_against_horizon_is_drawn_from_a_table(tmp_path, capsys):
     rows = [
         horizon_row(f"RSC-H{h}", way, 0.5 + h / 100)
         for h in (1, 20, 40)
-        for way in ("ours", "as in the paper")
+        for way in ("ours", "as in the paper", "to the letter")
     ]
     write_table(tmp_path, TableResult(table="1", title="", rows=tuple(rows)), "")
     plot_command.make(MissionOptions(), tmp_path / "h.png", Subject(horizons=tmp_path / "table-1.json"))
