@@ -145,9 +145,8 @@ def _digest(fields: object) -> str:
 def _on_air(fleet: Fleet, mission: Mission) -> Mission:
     fields = mission.model_dump(mode="json")
     # Obstacles are on a map, and there is nothing to remember; but a drone that fell silent is one only for a while.
-    if (
-        fleet.obstacles_m is not None
-    ):  # what stands in the room decides where the goal line is, and how long is flown
+    # What stands in the room decides where the goal line is, and how long is flown.
+    if fleet.obstacles_m is not None:
         place = _place(fleet)
         fields["obstacles"] = {
             "discs": [(*place.to_mission((x, y)), radius / fleet.scale) for x, y, radius in fleet.obstacles_m]

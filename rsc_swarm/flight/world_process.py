@@ -82,11 +82,8 @@ class PipeControl:
     def paused(self, agent: int) -> bool:
         try:
             return psutil.Process(self._pid[agent]).status() in _STOPPED
-        except (
-            KeyError,
-            psutil.NoSuchProcess,
-            OSError,
-        ):  # somebody has opened all the files that this process may open
+        # OSError: somebody has opened all the files that this process may open.
+        except (KeyError, psutil.NoSuchProcess, OSError):
             return False
 
     def gathered(self, ready: int) -> None:

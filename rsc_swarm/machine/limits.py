@@ -34,7 +34,8 @@ def make_room(drones: int) -> None:
             f"agents: {drones} drones are too many for a process each: fly at most {MAX_AGENTS}, or use simulate or evaluate"
         )
     needed = _FILES + _FILES_PER_DRONE * drones
-    soft, hard = (_number(limit) for limit in resource.getrlimit(resource.RLIMIT_NOFILE))
+    allowed = resource.getrlimit(resource.RLIMIT_NOFILE)
+    soft, hard = (_number(limit) for limit in allowed)
     if hard < needed:
         raise MachineError(
             f"{needed} open files are needed, and {hard} are allowed here: allow more (ulimit -n {needed})"
@@ -42,9 +43,7 @@ def make_room(drones: int) -> None:
     # Whoever knocks at the world takes a file of it, and may be a stranger.
     wished = min(hard, needed + MOST_KNOCKING + MOST_SESSIONS)
     if soft < wished:
-        resource.setrlimit(
-            resource.RLIMIT_NOFILE, (int(wished), resource.getrlimit(resource.RLIMIT_NOFILE)[1])
-        )
+        resource.setrlimit(resource.RLIMIT_NOFILE, (int(wished), allowed[1]))
     check_addresses(_ADDRESSES_OF_WORLD)
 
 

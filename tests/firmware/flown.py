@@ -17,6 +17,7 @@ from pymavlink import mavutil
 from agent.air.autopilots import PROFILES, Profile
 from agent.air.telemetry import Telemetry
 from agent.air.vehicle import Mode, Rig, Setpoint, State, Vehicle, VehicleError, make_vehicle
+from tests.firmware.circle import on_circle
 
 HEIGHT, RADIUS, SPEED = 2.0, 2.0, 1.0
 _BOOT_S, _TICK_S, _PATIENCE_S = 120.0, 0.01, 30.0
@@ -102,12 +103,9 @@ class Flown:
         """Lead it around; how far it was from where it was to be, on average [m]."""
         (x, y, _), errors, begun = self.vehicle.state().p, [], time.monotonic()
         while (now := time.monotonic() - begun) < seconds:
-            angle = SPEED * now / RADIUS
-            c, s = math.cos(angle), math.sin(angle)
-            p = x + RADIUS * (c - 1.0), y + RADIUS * s, HEIGHT
-            a = -c * SPEED**2 / RADIUS, -s * SPEED**2 / RADIUS, 0.0
-            self.vehicle.fly(Setpoint(p, (-SPEED * s, SPEED * c, 0.0), a))
-            errors.append(math.dist(p, self.vehicle.state().p))
+            setpoint = on_circle(x, y, now, HEIGHT, RADIUS, SPEED)
+            self.vehicle.fly(setpoint)
+            errors.append(math.dist(setpoint.p, self.vehicle.state().p))
             self.pass_by()
         return sum(errors) / len(errors)
 

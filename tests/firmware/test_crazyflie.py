@@ -13,7 +13,8 @@ pytest.importorskip("cflib", reason="the extra 'radio' is not installed")
 if "RSC_CF_FIRMWARE" not in os.environ:
     pytest.skip("RSC_CF_FIRMWARE names no binary of the firmware", allow_module_level=True)
 
-from agent.air.vehicle import Mode, Rig, Setpoint, State, Vehicle, make_vehicle
+from agent.air.vehicle import Mode, Rig, State, Vehicle, make_vehicle
+from tests.firmware.circle import on_circle
 from tests.firmware.in_the_loop import InTheLoop, in_the_loop
 from tests.radiohost.hosting import free_dongle, hosting
 
@@ -47,13 +48,10 @@ class Flown:
         """Lead it around; how far it was from where it was to be, on average [m]."""
         (x, y, _), errors, begun = self.loop.body.p, [], time.monotonic()
         while (now := time.monotonic() - begun) < seconds:
-            angle = SPEED * now / RADIUS
-            c, s = math.cos(angle), math.sin(angle)
-            p = x + RADIUS * (c - 1.0), y + RADIUS * s, HEIGHT
-            a = -c * SPEED**2 / RADIUS, -s * SPEED**2 / RADIUS, 0.0
-            self.vehicle.fly(Setpoint(p, (-SPEED * s, SPEED * c, 0.0), a))
+            setpoint = on_circle(x, y, now, HEIGHT, RADIUS, SPEED)
+            self.vehicle.fly(setpoint)
             self.vehicle.state()
-            errors.append(math.dist(p[:2], self.loop.body.p[:2]))
+            errors.append(math.dist(setpoint.p[:2], self.loop.body.p[:2]))
             time.sleep(0.01)
         return sum(errors) / len(errors)
 
