@@ -251,11 +251,11 @@ class _Launch:
 
     def _weigh(self) -> float:
         """Mean proportional set size of the drones' processes, MB."""
-        sizes = [
-            psutil.Process(self._supervisor.pid(name)).memory_full_info().pss
-            for name in self._supervisor.running
-            if name != _WORLD
-        ]
+        sizes = []
+        for name in self._supervisor.running:
+            if name != _WORLD:
+                with suppress(psutil.NoSuchProcess):  # it has just ended, or /proc is not of these processes
+                    sizes.append(psutil.Process(self._supervisor.pid(name)).memory_full_info().pss)
         return sum(sizes) / max(len(sizes), 1) / 1e6
 
     def _first_complaint(self, known: str) -> str:
