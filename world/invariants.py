@@ -1,6 +1,7 @@
 """The invariants: what must hold among the drones' accounts of the slots, checked during every flight.
 
     permutation  every view gives every slot to exactly one drone, and to its owner the slot it says it holds
+    own slot     what a drone says of its own slot is the same in all that it says
     agreement    drones that know the same swaps (equal digests) have equal views
     no livelock  in no second are there more swaps than a drone, or all drones together, may make, given their cooldown
     counts       what a drone counts never falls, nor rises by more than can happen in a tick
@@ -108,7 +109,7 @@ class Invariants:
         wrong = np.flatnonzero((claim != self.says) & flying).tolist()
         return [
             self._discredit(
-                tick, agent, "slots", f"says it holds slot {claim[agent]} and told of {self.says[agent]}"
+                tick, agent, "own slot", f"says it holds slot {claim[agent]} and told of {self.says[agent]}"
             )
             for agent in wrong
         ]
@@ -142,7 +143,7 @@ class Invariants:
             if sorted(view) != self._everyone:
                 return "permutation", f"believes {view}"
             if view[agent] != status.slot:
-                return "slots", f"says it holds slot {status.slot} and believes {view}"
+                return "own slot", f"says it holds slot {status.slot} and believes {view}"
         if status.heard >= len(self._everyone):
             return "counts", f"hears {status.heard} others"
         numbers = (*status.swaps, *status.rejected)

@@ -19,6 +19,7 @@ from agent.air.guard import Action, Situation, Verdict, bounds_of, judge
 from agent.air.log import FlightLog
 from agent.air.nature import NatureHeard
 from agent.air.obstacles import MapSource, Obstacles
+from agent.air.pace import Pace
 from agent.air.peers import OPERATOR as THE_OPERATOR
 from agent.air.peers import Said, drone_of
 from agent.air.pilot import IN_FLIGHT, Facts, Patience, Phase, Pilot, step
@@ -40,7 +41,6 @@ _LATEST_GO_S = 1.0  # who hears of it later does not run after the others
 _HEARD_S = 0.5
 _ARM_S = 3.0  # so long an order to arm stands
 _HALF = 1 << 31
-_LATELY_TICKS = 500  # so many are looked back on for how many are missed
 _DONE: dict[Phase, Callable[[State], bool]] = {
     Phase.GROUND: lambda state: not state.armed,
     Phase.ARMED: lambda state: state.armed,
@@ -83,7 +83,7 @@ class AirDrone:
         self._stand = Setpoint((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._asked_at = 0.0
         self._arm_until = 0.0
-        self._utc_tick, self._lacking = 0, 0.0  # the last, and which share of them is missed lately
+        self._pace = Pace()
 
     def hear(self, said: Said, now: float) -> None:
         """What somebody said; ``now``: s, of a clock that never steps. What cannot be, or in another's name, is not heard."""
@@ -138,7 +138,7 @@ class AirDrone:
             agent.policy.PolicyError: the policy raised.
         """
         (state, jump_m), utc_tick = self._measure(now), tick_of(utc_us)
-        self._look_at_pace(utc_tick)
+        self._pace.tick(utc_tick)
         self._obstacles.look()
         order, self._order = self._order, None
         if now < self._arm_until and self.pilot.phase is Phase.GROUND:
@@ -162,11 +162,6 @@ class AirDrone:
         if changed:
             self._asked_at = now
         return self._said(state, tick, utc_us, now, changed)
-
-    def _look_at_pace(self, utc_tick: int) -> None:
-        gap = max(0, utc_tick - self._utc_tick - 1) if self._utc_tick else 0
-        self._utc_tick = utc_tick
-        self._lacking += (gap / (gap + 1) - self._lacking) * min(1.0, (gap + 1) / _LATELY_TICKS)
 
     def _setpoint(self, state: State, tick: int, now: float) -> Setpoint | None:
         """Let the mission's drone act where there is a mission; where to be, in a phase that says it."""
@@ -230,7 +225,7 @@ class AirDrone:
         """What speaks against arming it."""
         operator = self._word_at is not None and now - self._word_at < self.plan.fleet.guard.operator_hold_s
         clock_s = self._contacts.clock_s(now)
-        found = complaints(self.plan, self.me, state, self._heard(now), clock_s, operator, self._lacking)
+        found = complaints(self.plan, self.me, state, self._heard(now), clock_s, operator, self._pace.lacking)
         worldly = self._nature.complaint(now) if self._nature else None
         return [worldly, *found] if worldly else found
 

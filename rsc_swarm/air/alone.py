@@ -2,11 +2,8 @@
 
 import os
 import sys
-import time
 from importlib.metadata import version
 from pathlib import Path
-
-import psutil
 
 from agent.air.body import RoomBody
 from agent.air.clock import Utc
@@ -25,6 +22,7 @@ from rsc_swarm.air.folder import event_of, keep, next_folder
 from rsc_swarm.air.judged import rehearse_judging
 from rsc_swarm.flight.key_files import read_fleet_login
 from rsc_swarm.flight.warm_up import warm_up_drone
+from rsc_swarm.machine.census import age_s
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.priority import go_first
@@ -74,7 +72,7 @@ def fly_drone(
             with AirLink(plan.mission.swarm, end, certificates, agents, clock) as link:
                 _say(
                     me,
-                    f"ready after {time.time() - psutil.Process().create_time():.2f} s at {address}, process {os.getpid()}",
+                    f"ready after {age_s():.2f} s at {address}, process {os.getpid()}",
                 )
                 service.ready(f"drone {me} at {address}")
                 fly(drone, link, lambda: service.alive(leave.asked), tell, trouble, clock)

@@ -5,8 +5,8 @@ only what is missing.
 """
 
 from collections.abc import Iterator
-from concurrent.futures import Future, as_completed
-from dataclasses import dataclass
+from concurrent.futures import Executor, Future, as_completed
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -112,6 +112,17 @@ class FlownTasks(Journal[tuple[int, int, str], _Line]):
         self.shrunk[failure.digest] = shrunk
         self.add(_Line(failure.task, 0, shrunk=shrunk, digest=failure.digest))
 
+    def tally(self) -> Tally:
+        """What the tasks add up to, in their order, whichever ended first."""
+        total = Tally()
+        for _, flown in sorted(self.tasks.items()):
+            total.add(flown)
+        return total
+
+    def unshrunk(self) -> list[Failure]:
+        """The failures that are still to be shrunk."""
+        return [failure for failure in _first_of_each(self.tally()) if failure.digest not in self.shrunk]
+
 
 def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
     """Fly what is missing, then shrink what broke: `SHRUNK` failures of each name.
@@ -121,31 +132,30 @@ def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
         agent.policy.PolicyError: the policy raised.
     """
     with FlownTasks(folder, plan) as journal:
+        told(journal.tally(), 0)
         missing = [task for task in range(plan.tasks) if task not in journal.tasks]
-        tally = _sum(journal)
-        told(tally, 0)
-        if missing or any(failure.digest not in journal.shrunk for failure in _first_of_each(tally)):
-            tally = _fly_missing(plan, missing, journal, crew, told)
-        return _with_shrunk(tally, journal)
+        if missing or journal.unshrunk():
+            with told_in_a_line(), executor_of(crew, plan.mission) as executor:
+                _fly_missing(plan, missing, journal, executor, told)
+                _shrink_found(plan, journal, executor, told)
+        return _with_shrunk(journal)
 
 
-def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, crew: Crew, told: Told) -> Tally:
-    with told_in_a_line(), executor_of(crew, plan.mission) as executor:
-        tally = _sum(journal)
-        flying = {executor.submit(fly_task, plan, task): task for task in missing}
-        for future in _ended(flying):
-            task, flown = flying[future], future.result()
-            journal.flown(task, plan.size(task), flown)
-            tally.add(flown)
-            told(tally, 0)
-        tally = _sum(journal)  # in the order of tasks, whichever ended first
-        todo = [failure for failure in _first_of_each(tally) if failure.digest not in journal.shrunk]
-        told(tally, len(todo))
-        shrinking = {executor.submit(shrink, plan, failure): failure for failure in todo}
-        for left, shrunk in enumerate(_ended(shrinking), 1):
-            journal.shortened(shrinking[shrunk], shrunk.result())
-            told(tally, len(todo) - left)
-        return tally
+def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, executor: Executor, told: Told) -> None:
+    flying = {executor.submit(fly_task, plan, task): task for task in missing}
+    for future in _ended(flying):
+        task = flying[future]
+        journal.flown(task, plan.size(task), future.result())
+        told(journal.tally(), 0)
+
+
+def _shrink_found(plan: Plan, journal: FlownTasks, executor: Executor, told: Told) -> None:
+    tally, todo = journal.tally(), journal.unshrunk()
+    told(tally, len(todo))
+    shrinking = {executor.submit(shrink, plan, failure): failure for failure in todo}
+    for left, future in enumerate(_ended(shrinking), 1):
+        journal.shortened(shrinking[future], future.result())
+        told(tally, len(todo) - left)
 
 
 def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:
@@ -156,21 +166,15 @@ def _ended(flying: dict[Future[_T], _V]) -> Iterator[Future[_T]]:
             future.cancel()
 
 
-def _sum(journal: FlownTasks) -> Tally:
-    tally = Tally()
-    for _, flown in sorted(journal.tasks.items()):
-        tally.add(flown)
-    return tally
-
-
-def _first_of_each(tally: Tally) -> list[Failure]:
+def _first_of_each(tally: Tally) -> Iterator[Failure]:
     """The failures to shrink: of each name those with the fewest faults."""
-    return list(chain.from_iterable(group.failures[:SHRUNK] for group in groups(tally)))
+    return chain.from_iterable(group.failures[:SHRUNK] for group in groups(tally))
 
 
-def _with_shrunk(tally: Tally, journal: FlownTasks) -> Tally:
+def _with_shrunk(journal: FlownTasks) -> Tally:
+    tally = journal.tally()
     failures = [journal.shrunk.get(failure.digest, failure) for failure in tally.failures]
-    return Tally(tally.flights, tally.ticks, tally.excused, failures)
+    return replace(tally, failures=failures)
 
 
 def groups(tally: Tally) -> list[Group]:

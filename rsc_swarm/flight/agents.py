@@ -5,12 +5,9 @@ asked to leave. They do not outlive it. It never opens Zenoh.
 """
 
 import os
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
-
-import psutil
 
 from agent.body.relayed import Ending
 from protocols.errors import ExitCode, SwarmError
@@ -20,6 +17,7 @@ from protocols.wire.login import Login
 from rsc_swarm.flight.alone import refuse_unsealed, take_part
 from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
 from rsc_swarm.flight.warm_up import warm_up_drone
+from rsc_swarm.machine.census import age_s
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.service import Service
@@ -71,7 +69,7 @@ def fly_agents(
             said.read()
             if not ready and len(said.ready) == len(logins):
                 ready = True
-                on_ready(time.time() - psutil.Process().create_time())
+                on_ready(age_s())
             for end in ends:
                 ended = _explained(end, said)
                 codes.append(ended.code)

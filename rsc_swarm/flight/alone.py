@@ -4,12 +4,9 @@ rsc_swarm.flight.agents.
 Both tell a service manager that they are ready, and ping its watchdog from the loop that flies: one that hangs is ended.
 """
 
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
-
-import psutil
 
 from agent.body.relayed import Ending
 from agent.policy import PolicyError
@@ -21,6 +18,7 @@ from protocols.wire.login import Login
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
 from rsc_swarm.flight.world_process import save_path
+from rsc_swarm.machine.census import age_s
 from rsc_swarm.machine.leaving import leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from rsc_swarm.machine.service import Service
@@ -101,7 +99,7 @@ def fly_agent(
     service.ready(f"looking for the world at {endpoint}")
 
     def tell() -> None:
-        on_ready(time.time() - psutil.Process().create_time())
+        on_ready(age_s())
 
     with leave_when_asked(patient=False) as leave:
         return take_part(login, endpoint, policy, lambda: service.alive(leave.asked), _JOIN_S, tell)

@@ -5,7 +5,6 @@ the world shows, does to processes what the mission says goes wrong with them, a
 """
 
 import math
-import os
 import signal
 import time
 from collections.abc import Callable, Mapping
@@ -28,6 +27,7 @@ from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
 from rsc_swarm.flight.socket_folder import RunFolder
 from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
 from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
+from rsc_swarm.machine.census import born_at, process
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
 from rsc_swarm.machine.limits import make_room
 from world.outcome import Flown
@@ -249,14 +249,14 @@ class _Launch:
                 if kind == "restart":
                     self._start_agent(agent)
 
-    def _weigh(self) -> float:
-        """Mean proportional set size of the drones' processes, MB."""
+    def _weigh(self) -> float | None:
+        """Mean proportional set size of the drones' processes, MB; None: none can be weighed."""
         sizes = []
         for name in self._supervisor.running:
             if name != _WORLD:
-                with suppress(psutil.NoSuchProcess):  # it has just ended, or /proc is not of these processes
-                    sizes.append(psutil.Process(self._supervisor.pid(name)).memory_full_info().pss)
-        return sum(sizes) / max(len(sizes), 1) / 1e6
+                with suppress(psutil.NoSuchProcess):  # it has just ended, or /proc does not tell of it
+                    sizes.append(process(self._supervisor.pid(name)).memory_full_info().pss)
+        return sum(sizes) / len(sizes) / 1e6 if sizes else None
 
     def _first_complaint(self, known: str) -> str:
         """The first line any process wrote about its end, for the one-line error; nothing if that is ``known``."""
@@ -304,5 +304,4 @@ def launch(
         run = _Launch(mission, clock, logs, keeping, supervisor, folder, insiders)
         flown, unsaved, error = run.watch(on_gathered, on_snapshot, weigh, leave)
         supervisor.stop(_GRACE_S)
-    born = psutil.Process(os.getpid()).create_time()
-    return Launched(flown, flown.first_tick_at - born, run.pss_mb, unsaved if run_dir else None, error)
+    return Launched(flown, flown.first_tick_at - born_at(), run.pss_mb, unsaved if run_dir else None, error)

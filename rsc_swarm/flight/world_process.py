@@ -22,6 +22,7 @@ from protocols.errors import SwarmError
 from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
 from rsc_swarm.flight.processes import launcher_died, leave_on_sigterm
+from rsc_swarm.machine.census import process
 from world.outcome import Flown
 from world.outlets.onlooker import Onlooker
 from world.outlets.recorder import Recorder
@@ -81,7 +82,7 @@ class PipeControl:
 
     def paused(self, agent: int) -> bool:
         try:
-            return psutil.Process(self._pid[agent]).status() in _STOPPED
+            return process(self._pid[agent]).status() in _STOPPED
         # OSError: somebody has opened all the files that this process may open.
         except (KeyError, psutil.NoSuchProcess, OSError):
             return False

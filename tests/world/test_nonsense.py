@@ -204,8 +204,8 @@ OWN = bytes(range(6))
 IMPOSSIBLE = {
     "no permutation": (AgentStatus(2, 0, (0,) * 7, NONE, 9, bytes([0, 1, 2, 2, 4, 5])), "permutation"),
     "slots beyond all": (AgentStatus(2, 0, (0,) * 7, NONE, 9, b"\xff" * 6), "permutation"),
-    "another slot than its own": (AgentStatus(3, 0, (0,) * 7, NONE, 9, OWN), "slots"),
-    "a slot it does not claim": (AgentStatus(3, 0, (0,) * 7, NONE, 9, bytes([0, 1, 3, 2, 4, 5])), "slots"),
+    "another slot than its own": (AgentStatus(3, 0, (0,) * 7, NONE, 9, OWN), "own slot"),
+    "a slot it does not claim": (AgentStatus(3, 0, (0,) * 7, NONE, 9, bytes([0, 1, 3, 2, 4, 5])), "own slot"),
     "a million swaps": (AgentStatus(2, 0, (0,) * 7, (0, 10**6, *NONE[2:]), 9, OWN), "counts"),
     "swaps without a pause": (AgentStatus(2, 0, (0,) * 7, (0, 20, *NONE[2:]), 9, OWN), "pauses"),
     "frames beyond all": (AgentStatus(2, 0, (2**63, *(0,) * 6), NONE, 9, OWN), "counts"),
