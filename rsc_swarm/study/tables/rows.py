@@ -65,7 +65,7 @@ def _table_1() -> Iterator[Row]:
     papers_stgnn = Paper(0.0, None, None, 72.0)
     yield Row(_PLAIN, "STGNN", _UNAIDED, "stgnn", papers_stgnn)
     yield from _baseline(_PLAIN, "STGNN", "stgnn", papers_stgnn)
-    yield from _our_network(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
+    yield from _rsc(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
     yield from _rsc(_PLAIN, 10, Paper(58.5, 13.11, 6.2, 23.0))
     yield from _rsc(_PLAIN, 20, Paper(83.0, 13.17, 7.9, 2.5))
     yield from _rsc(_PLAIN, 30, Paper(81.5, 13.32, 11.17, 3.0))
