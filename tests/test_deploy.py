@@ -12,12 +12,12 @@ import pytest
 import yaml
 from typer.main import get_command
 
-from rsc_swarm.cli.commands import app
+from rsc_swarm.cli.commands import loaded
 from rsc_swarm.flight.ranges import numbers_in
 
 DEPLOY = Path(__file__).parents[1] / "deploy"
 COMPOSE, KUBERNETES = DEPLOY / "compose.yaml", DEPLOY / "kubernetes.yaml"
-COMMANDS: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+COMMANDS: dict[str, Any] = get_command(loaded()).commands  # type: ignore[attr-defined]
 SETTINGS = dict(
     line.split("=", 1)
     for line in (DEPLOY / "swarm.env").read_text().splitlines()

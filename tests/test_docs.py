@@ -17,7 +17,7 @@ from typer.main import get_command
 import rsc_swarm as rs
 from protocols.mission.document import Mission, parse_mission
 from protocols.mission.fault import Fault
-from rsc_swarm.cli.commands import app
+from rsc_swarm.cli.commands import loaded
 from rsc_swarm.missions import shipped_missions
 from rsc_swarm.study.tables.markdown import page
 from rsc_swarm.study.tables.result import read_tables
@@ -28,7 +28,7 @@ DOCUMENTS = [
     *sorted(ROOT.glob("*.md")),
     *(path for folder in ("docs", "deploy", "examples") for path in sorted((ROOT / folder).glob("*.md"))),
 ]
-COMMANDS: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+COMMANDS: dict[str, Any] = get_command(loaded()).commands  # type: ignore[attr-defined]
 
 every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 

@@ -1,5 +1,6 @@
 """The ``rsc-swarm`` command line. Each command (rsc_swarm.cli.commands) imports what it needs when it runs."""
 
+import gc
 import os
 import sys
 import threading
@@ -11,6 +12,9 @@ from rsc_swarm.machine.leaving import all_is_done, leave_at_once
 def main() -> None:
     """The ``rsc-swarm`` command: whatever goes wrong is one line on stderr and an exit code."""
     leave_at_once()  # before anything is imported that takes time
+    gc.set_threshold(
+        100_000
+    )  # what is imported stays: to look through it for garbage takes a tenth of a start
     from rsc_swarm.machine.streams import stand_by_streams
 
     stand_by_streams()
@@ -24,14 +28,14 @@ def main() -> None:
 def _carry_out(words: list[str]) -> int:
     """Do what the command line says; how it ended."""
     try:
-        from rsc_swarm.cli.commands import app
+        from rsc_swarm.cli.commands import loaded
 
         # Raises where the folder is gone: every path would be blamed for it.
         if strange := [word for word in (os.getcwd(), *words) if not _is_text(word)]:
             raise NoTextError(
                 f"{strange[0]}: is no text in UTF-8, as which reports are written; give another name"
             )
-        code = app(words, prog_name="rsc-swarm", standalone_mode=False)
+        code = loaded(words[0])(words, prog_name="rsc-swarm", standalone_mode=False)
         sys.stdout.flush()
     except KeyboardInterrupt:
         print("rsc-swarm: stopped", file=sys.stderr)

@@ -159,7 +159,11 @@ def test_a_radio_host_says_in_one_line_what_is_wrong(settings: str, code: int, w
 def test_neither_a_drone_nor_the_command_loads_cflib() -> None:
     modules = "agent.air.crazyflie, agent.air.mavlink, rsc_swarm.cli.commands, rsc_swarm.air.processes"
     loaded = subprocess.run(
-        [sys.executable, "-c", f"import sys, {modules}; print(*sys.modules)"],
+        [
+            sys.executable,
+            "-c",
+            f"import sys, {modules}; rsc_swarm.cli.commands.loaded(); print(*sys.modules)",
+        ],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -13,7 +13,7 @@ import pytest
 from protocols.errors import ExitCode
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
 from rsc_swarm.cli import simulate as command
-from rsc_swarm.cli.commands import app
+from rsc_swarm.cli.commands import loaded
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.simulate import simulate
 from rsc_swarm.watch.hands import HandError, Pace, read_hand
@@ -140,7 +140,7 @@ def test_a_run_folder_holds_what_hands_did(tmp_path: Path, monkeypatch: pytest.M
     ]
     told = []
     for more in (["--run-dir", str(run)], []):
-        code = app(
+        code = loaded()(
             ["simulate", *words, *more, "--json", str(tmp_path / "report.json")], standalone_mode=False
         )
         assert code == ExitCode.FAILED
@@ -153,5 +153,5 @@ def test_a_run_folder_holds_what_hands_did(tmp_path: Path, monkeypatch: pytest.M
     for report in told:
         assert len(report["mission"]["faults"]) == len(HANDS)
         again = shlex.split(report["again"])[1:]
-        app([*again, "--json", str(tmp_path / "again.json")], standalone_mode=False)
+        loaded()([*again, "--json", str(tmp_path / "again.json")], standalone_mode=False)
         assert json.loads((tmp_path / "again.json").read_text())["digest"] == report["digest"]

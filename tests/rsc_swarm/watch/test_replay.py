@@ -10,7 +10,7 @@ import pytest
 from agent.air.log import FlightLog
 from rsc_swarm.air.folder import event_of, keep
 from rsc_swarm.air.plans import read_plan
-from rsc_swarm.cli.commands import app
+from rsc_swarm.cli.commands import loaded
 from rsc_swarm.flight.run_dir import RunDir, RunDirError
 from rsc_swarm.watch.replay import replay_of
 from world.outlets.picture import unpacked
@@ -33,7 +33,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--run-dir",
         str(run),
     ]
-    app(["simulate", *words], standalone_mode=False)
+    loaded()(["simulate", *words], standalone_mode=False)
     return run
 
 
