@@ -4,6 +4,7 @@ Six fakes hover, led by the processes of a real fleet (examples/room.yaml). Proc
 changes it little, as long as there is some left.
 """
 
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -33,6 +34,8 @@ def main() -> None:
         with fleet.in_the_air() as air:
             operator = fleet.operator(f"preflight,arm,takeoff,wait={SECONDS + 10:g},land")
             while sum(fake.motion.p[2] > 0.5 for fake in fakes) < len(fakes):
+                if operator.poll() is not None:
+                    sys.exit(f"they do not hover:\n{fleet.told}{fleet.log}")
                 time.sleep(0.1)
             children = [psutil.Process(pid) for pid in drone_processes(air).values()]
             before, begun = [sum(one.cpu_times()[:2]) for one in children], time.monotonic()

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-_RUN = [sys.executable, "-m", "rsc_swarm"]
+RUN = [sys.executable, "-m", "rsc_swarm"]
 _IMPATIENT = """
 from rsc_swarm.air import station
 from rsc_swarm.cli.main import main
@@ -38,13 +38,13 @@ class Fleet:
 
     def make_keys(self) -> None:
         """The fleet file names their folder."""
-        run = [*_RUN, "keys", str(self.folder / "keys"), "--fleet", str(self.file)]
+        run = [*RUN, "keys", str(self.folder / "keys"), "--fleet", str(self.file)]
         subprocess.run(run, check=True, capture_output=True, timeout=60)
 
     @contextmanager
     def in_the_air(self, *words: str) -> Iterator[subprocess.Popen[bytes]]:
         """All drones in their processes, children of the one that is yielded."""
-        command = [*_RUN, "air", "--fleet", str(self.file), "--run-dir", str(self.folder), *words]
+        command = [*RUN, "air", "--fleet", str(self.file), "--run-dir", str(self.folder), *words]
         with (self.folder / "air.log").open("wb") as log, subprocess.Popen(command, stderr=log) as air:
             try:
                 yield air
@@ -55,7 +55,7 @@ class Fleet:
     def operator(self, steps: str, preflight_s: float | None = None) -> subprocess.Popen[bytes]:
         """An operator at work; one may wait for preflight no longer than so many seconds."""
         flights = str(self.folder / "ground")
-        run = [sys.executable, "-c", _IMPATIENT.format(preflight_s)] if preflight_s else _RUN
+        run = [sys.executable, "-c", _IMPATIENT.format(preflight_s)] if preflight_s else RUN
         command = [*run, "ground", "--fleet", str(self.file), "--do", steps, "--run-dir", flights]
         with (self.folder / "ground.log").open("wb") as log:
             return subprocess.Popen(command, stdout=log, stderr=log)
