@@ -6,7 +6,8 @@ is heard), with ``&`` between.
 
 The option ``origin`` of its drone in the fleet file is ``LATITUDE,LONGITUDE,ALTITUDE`` of the room's origin, for who knows where
 it is by satellites: one that has no origin yet takes this one, and one that has its own keeps that, and is led from there.
-Heights count from where its own lies. Without that option its own local frame is the room's, as with motion capture.
+Heights count from the ground on which it stands before it is armed. Without that option its own local frame is the room's, as
+with motion capture.
 
 Nobody on the way is asked who they are: MAVLink belongs on a wire, or on an address of the own machine.
 """
@@ -31,6 +32,7 @@ from protocols.wire.vehicles import Kind, Order
 
 _CONNECTION = re.compile(r"(udpin|udpout|tcp):[^:/?\s]+:\d{1,5}|serial:/[^:?\s]+:\d{1,8}", re.ASCII)
 _SYSTEM, _COMPONENT = 255, 191  # a ground station's number: ArduPilot's failsafe counts its heartbeats
+_STATION_S = 5.0  # a ground station speaks once a second
 _HEARTBEAT_S, _ASK_AGAIN_S, _SOON_S, _WAIT_S = 1.0, 0.5, 0.015, 0.005
 _ASKED_TIMES = 3  # one may be lost
 _MOST_MESSAGES = 500  # read at one look
@@ -147,7 +149,8 @@ class MavlinkVehicle(Ordered):
         match one:
             case Stream((x, y, z), v, a, yaw):
                 east, north = self._heard.lies or (0.0, 0.0)
-                target = (*ned_of((x - east, y - north, z)), *ned_of(v), *ned_of(a), ned_yaw(yaw), 0.0)
+                place = x - east, y - north, z + self._heard.floor
+                target = (*ned_of(place), *ned_of(v), *ned_of(a), ned_yaw(yaw), 0.0)
                 ms = round(1000 * self._now()) & 0xFFFFFFFF
                 self._link.mav.set_position_target_local_ned_send(
                     ms, self._heard.system, 1, _LOCAL_NED, _IGNORE_YAW_RATE, *target
@@ -218,6 +221,17 @@ class MavlinkVehicle(Ordered):
             ills.append(f"a pilot or its own failsafe leads it (custom mode {heard.custom_mode})")
         if math.isnan(heard.battery):
             ills.append("it does not say how full its battery is")
+        if heard.others and not self._address.system:
+            numbers = ", ".join(map(str, sorted({heard.system, *heard.others})))
+            ills.append(f"autopilots {numbers} are heard: say which it is with ?system=NUMBER")
+        if (
+            leader.profile.stations_matter
+            and self._now() - heard.stations.get(_SYSTEM, -math.inf) < _STATION_S
+        ):
+            ills.append(
+                f"a ground station has the number {_SYSTEM} too: its failsafe would hear that one when this computer is gone; "
+                "give the station another"
+            )
         if heard.lies and math.hypot(*heard.lies) > _FARTHEST_M:
             ills.append(
                 f"its origin is {math.hypot(*heard.lies):.0f} m from the room's: the option origin is of elsewhere"

@@ -37,6 +37,12 @@ def complaints(
         found.append(
             f"it stands {away:.2f} m from its start; move it to ({x:.2f}, {y:.2f}), or change start_m"
         )
+    if not abs(state.p[2]) <= _STANDS_M:
+        where = "below" if state.p[2] < 0 else "above"
+        found.append(
+            f"it stands {abs(state.p[2]):.2f} m {where} the room's floor; start it from the floor, or tell what measures its "
+            "position where that is"
+        )
     if not state.battery >= guard.battery_arm:
         found.append(f"battery at {100 * state.battery:.0f} %; it needs {100 * guard.battery_arm:.0f} %")
     missing = sorted({*range(plan.mission.agents)} - {me, *heard})

@@ -10,7 +10,8 @@ from protocols.fleet.place import Flat, ned_of, ned_yaw, way
 from protocols.keeper import Seen
 
 _AUTOPILOT, _NO_AUTOPILOT = 1, 8  # component; MAV_AUTOPILOT_INVALID
-_ARMED, _ON_GROUND, _ARM_DISARM, _WARNING = 128, 1, 400, 4
+_ARMED, _UNKNOWN_STATE, _ON_GROUND, _ARM_DISARM, _WARNING = 128, 0, 1, 400, 4
+_STATION = 6  # MAV_TYPE_GCS
 _INTEGERS = (1, 2, 3, 4, 5, 6)  # MAV_PARAM_TYPE
 UNKNOWN = math.nan
 
@@ -23,7 +24,9 @@ class Telemetry:
         custom_mode, armed, flying: as its heartbeats and its own judgment of the ground have it.
         p, v [m, m/s], yaw, tilt [rad]: newest. measured_at [s]: when p came; an old one that is said again does not count.
         battery: 0 to 1, or `UNKNOWN`. parameters: those that it was asked for. refusal: why it is not armed, in words, or empty.
-        lies: where the origin of its own frame lies in the room [m], east and north; None: not known yet.
+        lies: where the origin of its own frame lies in the room [m], east and north; None: not known yet. floor: how high it says
+        that the ground is on which it stood last [m]: satellites are metres off in height, and drift. others: numbers of the
+        other autopilots on this link. stations: when a ground station of each number was heard last [s].
     """
 
     def __init__(self, system: int, asked: Profile | None, start: Vector, room: Flat | None = None) -> None:
@@ -40,6 +43,9 @@ class Telemetry:
         self.refusal = ""
         self._room = room
         self.lies: Flat | None = None if room else (0.0, 0.0)
+        self.floor, self._landed = 0.0, True
+        self.others: set[int] = set()
+        self.stations: dict[int, float] = {}
 
     def seen(self, now: float) -> Seen:
         """As a keeper wants it."""
@@ -60,7 +66,7 @@ class Telemetry:
         """
         kind = message.get_type()
         if kind == "HEARTBEAT":
-            self._take_heartbeat(message)
+            self._take_heartbeat(message, now)
         elif message.get_srcSystem() != self.system or self.profile is None:
             return
         elif kind == "LOCAL_POSITION_NED":
@@ -72,6 +78,7 @@ class Telemetry:
             percent = message.battery_remaining
             self.battery = percent / 100 if 0 <= percent <= 100 else UNKNOWN
         elif kind == "EXTENDED_SYS_STATE":
+            self._landed = message.landed_state in (_UNKNOWN_STATE, _ON_GROUND)
             self.flying = self.armed and message.landed_state != _ON_GROUND
         elif kind == "PARAM_VALUE":
             self.parameters[message.param_id] = _value(message, self.profile)
@@ -83,7 +90,9 @@ class Telemetry:
         elif kind == "STATUSTEXT" and self.refusal and message.severity <= _WARNING:
             self.refusal = f"it refuses to be armed: {' '.join(message.text.split())}"
 
-    def _take_heartbeat(self, message: Any) -> None:
+    def _take_heartbeat(self, message: Any, now: float) -> None:
+        if message.type == _STATION:
+            self.stations[message.get_srcSystem()] = now
         if message.get_srcComponent() != _AUTOPILOT or message.autopilot == _NO_AUTOPILOT:
             return
         if self.profile is None and self.system in (0, message.get_srcSystem()):
@@ -98,6 +107,8 @@ class Telemetry:
         if self.profile is not None and message.get_srcSystem() == self.system:
             self.custom_mode, self.armed = message.custom_mode, bool(message.base_mode & _ARMED)
             self.flying = self.flying and self.armed
+        elif self.profile is not None:
+            self.others.add(message.get_srcSystem())
 
     def _take_position(self, message: Any, now: float) -> None:
         if self.lies is None:
@@ -105,7 +116,9 @@ class Telemetry:
         p, v = (message.x, message.y, message.z), (message.vx, message.vy, message.vz)
         if message.time_boot_ms != self._boot_ms and all(map(math.isfinite, (*p, *v))):
             (x, y, z), (east, north) = ned_of(p), self.lies
-            self.p, self.v = (x + east, y + north, z), ned_of(v)
+            if self._room and self._landed and not self.armed:
+                self.floor = z
+            self.p, self.v = (x + east, y + north, z - self.floor), ned_of(v)
             self._boot_ms, self.measured_at = message.time_boot_ms, now
 
 

@@ -53,7 +53,8 @@ class FakeAutopilot:
     Attributes that a test may set:
         frozen: it has no position any more, and says nothing of it. dead_link: nothing comes through. battery: 0 to 1.
         needs_position: it knows where it is only while it is told. parameters: its own. origin: latitude, longitude, altitude as
-        MAVLink has them, or None. lies: where that is in the room, which is where it counts from.
+        MAVLink has them, or None. lies: where that is in the room, which is where it counts from. higher: by how much more its
+        satellites say that the floor is than the origin that it is given [m].
     Attributes to look at:
         motion, custom_mode, armed; targets: how many setpoints it was sent; fell: in m/s.
     """
@@ -66,6 +67,7 @@ class FakeAutopilot:
         self.battery, self.targets = 1.0, 0
         self.origin: tuple[int, int, int] | None = None
         self.lies: Vector = STILL
+        self.higher = 0.0
         px4 = {"COM_OF_LOSS_T": 0.5 if tuned else 1.0, "COM_OBL_RC_ACT": 4.0 if tuned else 0.0}
         ardupilot = {
             "GUID_TIMEOUT": 0.5 if tuned else 3.0,
@@ -263,6 +265,7 @@ class FakeAutopilot:
         if self.origin and self.make is Make.ARDUPILOT:
             return []
         self.origin = message.latitude, message.longitude, message.altitude
+        self.lies = 0.0, 0.0, -self.higher
         return self._its_origin()
 
     def _its_origin(self) -> list[Any]:

@@ -220,6 +220,23 @@ def test_one_that_has_its_origin_from_satellites_flies_in_the_room_all_the_same(
     assert fake.origin == (473977180, 85455341, 471000)
 
 
+@both
+def test_heights_count_from_the_ground_where_it_stands_whatever_satellites_say(make: Make) -> None:
+    """The origin in the fleet file is from a map, and what satellites say of heights is metres off."""
+    fake = FakeAutopilot(make, START)
+    fake.higher = 2.7
+    flight = Flight(fake, origin="47.3977, 8.5456, 488")
+    flight.vehicle.open(3.0)
+    assert flight.wait(1.0).p == pytest.approx(START, abs=0.01)
+    flight.climb()
+    assert fake.motion.p[2] == pytest.approx(HEIGHT, abs=0.1)
+    flight.go((1.0, 0.0), 3.0)
+    assert fake.motion.p[2] == pytest.approx(HEIGHT, abs=0.1)
+    flight.vehicle.land()
+    flight.until(lambda state: state.mode is Mode.GROUND)
+    assert not fake.fell
+
+
 def test_one_whose_satellites_come_late_is_led_from_where_they_say() -> None:
     """As ArduPilot's firmware does: it says that it took the room's origin, and then takes its own without a word."""
     fake = FakeAutopilot(Make.ARDUPILOT, START)
@@ -264,6 +281,36 @@ def test_the_autopilot_that_was_asked_for_is_the_one_that_is_led() -> None:
     with pytest.raises(VehicleError, match="no PX4 or ArduPilot is heard"):
         other.vehicle.open(1.0)
     Flight(FakeAutopilot(Make.PX4, START, system=2), f"{WHERE}?autopilot=px4&system=2").vehicle.open(1.0)
+
+
+def heartbeat(system: int, kind: int, autopilot: int) -> bytes:
+    sender = mavlink.MAVLink(None, srcSystem=system, srcComponent=1 if autopilot != 8 else 190)
+    packed: bytes = mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 3, 3).pack(sender)
+    return packed
+
+
+@both
+def test_where_several_autopilots_are_heard_somebody_has_to_say_which_is_led(make: Make) -> None:
+    """By a mesh of radios, say."""
+    for where, ills in ((WHERE, 1), (f"{WHERE}?system=1", 0)):
+        flight = Flight(FakeAutopilot(make, START), where)
+        flight.vehicle.open(3.0)
+        flight.wire.hear([heartbeat(3, mavlink.MAV_TYPE_QUADROTOR, make.number)])
+        health = flight.wait(0.1).health
+        assert len(health) == ills
+        assert all(ill.startswith("autopilots 1, 3 are heard: say which it is") for ill in health)
+
+
+def test_a_ground_station_that_ardupilots_failsafe_would_take_for_this_computer_is_told() -> None:
+    """As QGroundControl and Mission Planner are by default."""
+    for make, number, ills in ((Make.ARDUPILOT, 255, 1), (Make.ARDUPILOT, 254, 0), (Make.PX4, 255, 0)):
+        flight = Flight(FakeAutopilot(make, START))
+        flight.vehicle.open(3.0)
+        flight.wire.hear([heartbeat(number, mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID)])
+        health = flight.wait(0.1).health
+        assert len(health) == ills
+        assert all(ill.startswith("a ground station has the number 255 too") for ill in health)
+        assert flight.wait(6.0).health == ()
 
 
 @given(st.lists(st.floats(width=32), min_size=6, max_size=6), st.integers(-128, 127))
