@@ -1,10 +1,15 @@
-"""What a drone knows of the others from their beacons: who is heard, where they are by now, whose clock says what. Pure."""
+"""What a drone knows of the others from their beacons: who is heard, where they are by now, whose clock says what. Pure.
+
+Believed is what a drone can do. One that says that it is where it cannot be so soon, or faster than any is, would else make all
+others hold before it; one that says much fills a queue of its own.
+"""
 
 import statistics
 from collections import deque
 from typing import NamedTuple
 
 from agent.air.guard import Mover
+from agent.air.reach import Leash, Reach
 from protocols.dynamics import TICKS_PER_S
 from protocols.wire.beacon import NOBODY, Beacon
 
@@ -13,11 +18,12 @@ _CLOCK_WINDOW_S, _PAUSE_S, _BEACON_S = 2.0, 0.5, 0.04  # a busy machine takes a 
 _LATEST_S = 5.0  # older is no news, however late it comes
 _MOVED_ON_S = 1.0  # no longer: then it has stopped, or is somewhere else
 _GONE_S = 4.0  # who fell silent in flight is landing by its failsafe, and no longer in the way
-_MOST_WAITING = 1024
+_MOST_WAITING = 12  # frames of each: those of the future and the newest of the past
+_DOUBTED_S = 2.0
 
 
 class Contact(NamedTuple):
-    """What was last heard of a drone, and when it said so [s], as far as the clocks agree."""
+    """What was last heard of a drone and can be, and when it said so [s], as far as the clocks agree."""
 
     beacon: Beacon
     heard_at: float
@@ -48,17 +54,19 @@ class _Window:
 
 
 class Contacts:
-    """What drone ``me`` knows; None: what the operator knows."""
+    """What drone ``me`` knows; None: what the operator knows, or a world. ``reach``: of every drone."""
 
-    def __init__(self, me: int | None) -> None:
-        self._me = me
+    def __init__(self, me: int | None, reach: Reach) -> None:
+        self._me, self._reach = me, reach
         self._known: dict[int, Contact] = {}
+        self._leashes: dict[int, Leash] = {}
+        self._doubted: dict[int, float] = {}  # when last
         self._clocks: dict[int, _Window] = {}
         self._echoes: dict[
             int, tuple[float, float]
         ] = {}  # by whom: how late this one comes to it [s], heard when
         self._ahead: deque[tuple[float, float]] = deque()  # when, this clock minus the others, as in a window
-        self._waiting: list[tuple[Beacon, bytes]] = []  # frames of ticks that are not past yet here
+        self._waiting: dict[int, deque[tuple[int, bytes]]] = {}  # frames of ticks that are not past yet here
 
     def hear(self, beacon: Beacon, frame: bytes, utc_us: int, now: float) -> None:
         """A beacon came, and the frame in it. ``utc_us``: this drone's time; ``now``: s, of a clock that never steps."""
@@ -66,18 +74,33 @@ class Contacts:
         if beacon.sender == self._me or (known and known.beacon.utc_us >= beacon.utc_us):
             return  # doubled, or overtaken
         late = min(max(0.0, (utc_us - beacon.utc_us) / 1e6), _LATEST_S)
+        leash = self._leashes.setdefault(beacon.sender, Leash(self._reach))
+        p, v = leash.believed(beacon.p, beacon.v, now - late, now)
+        if leash.doubtful:
+            self._doubted[beacon.sender] = now
+        beacon = beacon._replace(p=p, v=v)
         self._known[beacon.sender] = Contact(beacon, now - late)
         self._clocks.setdefault(beacon.sender, _Window(now)).add(now, (utc_us - beacon.utc_us) / 1e6)
         if beacon.about == self._me:
             self._echoes[beacon.sender] = beacon.late_ms / 1000, now
-        if frame and len(self._waiting) < _MOST_WAITING:
-            self._waiting.append((beacon, frame))
+        if frame:
+            self._waiting.setdefault(beacon.sender, deque(maxlen=_MOST_WAITING)).append((beacon.tick, frame))
 
     def frames(self, tick: int) -> list[tuple[int, bytes]]:
         """The frames that may be heard in this tick of the mission, and who sent them. One that is ahead waits for its time."""
-        due = [(beacon.sender, frame) for beacon, frame in self._waiting if beacon.tick < tick]
-        self._waiting = [entry for entry in self._waiting if tick <= entry[0].tick <= tick + _AHEAD_TICKS]
+        due = []
+        for sender, waiting in self._waiting.items():
+            for _ in range(len(waiting)):
+                of, frame = waiting.popleft()
+                if of < tick:
+                    due.append((sender, frame))
+                elif of <= tick + _AHEAD_TICKS:
+                    waiting.append((of, frame))
         return due
+
+    def doubted(self, now: float) -> list[int]:
+        """Who has said lately that it does what no drone can."""
+        return sorted(who for who, at in self._doubted.items() if now - at < _DOUBTED_S)
 
     def known(self) -> dict[int, Contact]:
         """All that were ever heard, by number."""
@@ -113,7 +136,9 @@ class Contacts:
             if now - at < fresh_s and (least := self._clocks[who].least(now)) is not None
         ]
         if ahead:
-            off = statistics.median(ahead)
+            off = min(
+                statistics.median_low(ahead), statistics.median_high(ahead), key=abs
+            )  # of two, not the liar
             while self._ahead and abs(self._ahead[-1][1]) > abs(off):
                 self._ahead.pop()
             self._ahead.append((now, off))

@@ -24,13 +24,14 @@ from agent.air.peers import OPERATOR as THE_OPERATOR
 from agent.air.peers import Said, drone_of
 from agent.air.pilot import IN_FLIGHT, Facts, Patience, Phase, Pilot, step
 from agent.air.preflight import complaints
+from agent.air.reach import reach_of
 from agent.air.vehicle import Mode, Setpoint, State, Vector, Vehicle, VehicleError
 from agent.process import Drone
 from agent.slot_endpoints import SealsOf
 from protocols.dynamics import TICK_S
 from protocols.fleet.plan import Plan
 from protocols.slots.seals import Stamps
-from protocols.wire.account import Account
+from protocols.wire.account import Account, shown
 from protocols.wire.beacon import NO_TICK, Beacon, BeaconError, pack_beacon, unpack_beacon
 from protocols.wire.nature import WORLD, pack_status, to_drone
 from protocols.wire.operator import OperatorError, Order, Word, unpack_word
@@ -65,7 +66,7 @@ class AirDrone:
         self.events: list[tuple[float, Phase, tuple[str, ...]]] = []  # UTC [s], the phase begun, why
         self.missed = 0
         self._version, self._sealing = version, sealing
-        self._contacts = Contacts(me)
+        self._contacts = Contacts(me, reach_of(plan))
         self._nature = NatureHeard(plan) if plan.fleet.world else None
         sources = (MapSource(plan.obstacles), *([self._nature] if self._nature else ()))
         self._obstacles = Obstacles(sources)
@@ -301,10 +302,10 @@ class AirDrone:
             drone=self.me,
             phase=self.pilot.phase,
             mode=state.mode,
-            complaints=tuple(text[:200] for text in self.complaints(state, now))
+            complaints=tuple(map(shown, self.complaints(state, now)))
             if self.pilot.phase is Phase.GROUND
             else (),
-            reasons=tuple(text[:200] for text in self.pilot.reasons),
+            reasons=tuple(map(shown, self.pilot.reasons)),
             heard=tuple(sorted(self._heard(now))),
             clock_ms=None if clock is None else round(1000 * clock, 2),
             slot=self._body.slot,

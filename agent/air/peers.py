@@ -2,11 +2,15 @@
 
 Beacons go as best effort in datagrams, so that none ever waits behind one that was lost. No scouting, no multicast, no router:
 who is not in the fleet file is not found. The time at which something arrives is taken in the thread that brings it.
+
+Who says more than anybody has to say fills no queue but its own, where the newest counts; most of it Zenoh drops before it costs
+anything. Who has keys can declare nothing but to hear what there is.
 """
 
-import queue
+import itertools
 import threading
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -24,15 +28,18 @@ from protocols.wire.transport import AGENT_RUNTIME, few_threads, filled, secret
 
 # What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
 _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
-_TO_ALL = ("beacon", "account", "word")
-_TO_WORLD = ("beacon", "pose", "status", "word")
 # A link that is silent for so long is made anew. QUIC left alone tries again at times that double: who was cut off for 3 s was
 # heard up to 6.2 s after the cut's end; by a new link, tried for at short intervals, after 1.7 s (tests.scenarios.links).
 _LEASE_MS = _OPEN_MS = 1500
 _RETRY_MS = 100, 200
 _LEAVE_S = 0.5  # over a bad network, farewells may not come through
-_MOST_WAITING = 4096
+# Of each kind from each; what came before the newest is of no use any more.
+_MOST_WAITING = 64
+# Of each kind over each link; ten times as much as anybody has to say. Of what comes all at once the first is heard.
+_MOST_HZ = 1000.0
 OPERATOR = "ground"
+Key = tuple[str, str]  #: by whom, and of which kind
+_WORD: Key = (OPERATOR, "word")
 
 
 class Said(NamedTuple):
@@ -47,12 +54,12 @@ class Said(NamedTuple):
 
 
 class End(NamedTuple):
-    """One end of the air: ``who`` listens at ``listen``, looks for others at ``connect``, and hears these kinds."""
+    """One end of the air: ``who`` listens at ``listen``, looks for others at ``connect``, and hears this of whom."""
 
     who: str
     listen: str
     connect: Sequence[str] = ()
-    hears: Sequence[str] = _TO_ALL
+    hears: Sequence[Key] = ()
 
 
 def end_of(fleet: Fleet, who: str) -> End:
@@ -65,16 +72,26 @@ def end_of(fleet: Fleet, who: str) -> End:
     ground, world = fleet.ground_address, fleet.world_address
     drones = {me: fleet.address(me) for me in range(len(fleet.drones))}
     if who == OPERATOR:
-        return End(who, ground, [*drones.values(), *([world] if world else [])])
+        return End(
+            who, ground, [*drones.values(), *([world] if world else [])], _of(drones, "beacon", "account")
+        )
     if who == WORLD:
         assert world
-        return End(who, world, [ground, *drones.values()], _TO_WORLD)
+        hears = [*_of(drones, "beacon", "pose", "status"), _WORD]
+        return End(who, world, [ground, *drones.values()], hears)
     me = int(who)
     mine = drones.pop(me)
     if world:
-        to_me = [to_drone(what, me) for what in ("carried", "nature")]
-        return End(who, mine, [ground, world], ["word", *to_me])
-    return End(who, mine, [ground, *drones.values()])
+        return End(who, mine, [ground, world], [_WORD, *_of_world(me)])
+    return End(who, mine, [ground, *drones.values()], [_WORD, *_of(drones, "beacon")])
+
+
+def _of(drones: Iterable[int], *kinds: str) -> list[Key]:
+    return [(name_of(drone), kind) for drone in drones for kind in kinds]
+
+
+def _of_world(drone: int) -> list[Key]:
+    return [(WORLD, to_drone(what, drone)) for what in ("carried", "nature")]
 
 
 class AirLink(Closing):
@@ -99,10 +116,11 @@ class AirLink(Closing):
             LinkError: it cannot listen there.
         """
         self._swarm, self._who, self._clock = checked_swarm(swarm), end.who, clock or Utc()
-        self._heard: queue.SimpleQueue[Said] = queue.SimpleQueue()
+        self._order = itertools.count()
+        self._heard: list[deque[tuple[int, Said]]] = []
         check_free(end.listen)
         try:
-            settings = _settings(end.listen, end.connect)
+            settings = _settings(swarm, end)
             if certificates:
                 settings |= secret(certificates, "listen", "connect")
                 settings["access_control"] = _access(swarm, drones)
@@ -113,24 +131,28 @@ class AirLink(Closing):
                 f"cannot listen at {end.listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
                 "or end what uses it"
             ) from None
-        for kind in end.hears:
-            self._session.declare_subscriber(
-                f"{self._swarm}/air/*/{kind}", zenoh.handlers.Callback(self._take, indirect=False)
-            )
+        for who, kind in end.hears:
+            take = zenoh.handlers.Callback(self._taking(who, kind), indirect=False)
+            self._session.declare_subscriber(_key(self._swarm, who, kind), take)
         self._publishers: dict[str, Any] = {}
 
     def _publisher(self, kind: str) -> Any:
         return self._session.declare_publisher(
-            f"{self._swarm}/air/{self._who}/{kind}",
+            _key(self._swarm, self._who, kind),
             express=True,
             congestion_control=zenoh.CongestionControl.DROP,
             reliability=zenoh.Reliability.BEST_EFFORT,
         )
 
-    def _take(self, sample: zenoh.Sample) -> None:
-        if self._heard.qsize() < _MOST_WAITING:
-            _, _, who, kind = str(sample.key_expr).rsplit("/", 3)
-            self._heard.put(Said(who, kind, sample.payload.to_bytes(), self._clock.us()))
+    def _taking(self, who: str, kind: str) -> Callable[[zenoh.Sample], None]:
+        waiting: deque[tuple[int, Said]] = deque(maxlen=_MOST_WAITING)
+        self._heard.append(waiting)
+
+        def take(sample: zenoh.Sample) -> None:
+            said = Said(who, kind, sample.payload.to_bytes(), self._clock.us())
+            waiting.append((next(self._order), said))
+
+        return take
 
     def say(self, kind: str, data: bytes) -> None:
         """To all that are linked."""
@@ -141,11 +163,10 @@ class AirLink(Closing):
 
     def hear(self) -> list[Said]:
         """What came since, oldest first."""
-        heard: list[Said] = []
-        with suppress(queue.Empty):
-            while True:
-                heard.append(self._heard.get_nowait())
-        return heard
+        heard: list[tuple[int, Said]] = []
+        for waiting in self._heard:
+            heard += [waiting.popleft() for _ in range(len(waiting))]
+        return [said for _, said in sorted(heard)]
 
     def close(self) -> None:
         # No daemon: where farewells still wait for an answer, the process has to end without taking Python down around Zenoh's
@@ -173,12 +194,18 @@ def drone_of(name: str) -> int:
     return checked_agent(int(name)) if name.isascii() else -1
 
 
-def _settings(listen: str, connect: Sequence[str]) -> dict[str, Any]:
+def _key(swarm: str, who: str, kind: str) -> str:
+    return f"{swarm}/air/{who}/{kind}"
+
+
+def _settings(swarm: str, end: End) -> dict[str, Any]:
+    kinds = sorted({kind for _, kind in end.hears})
+    slower = [{"key_expr": _key(swarm, "*", kind), "freq": _MOST_HZ} for kind in kinds]
     return {
         "mode": "peer",
-        "listen/endpoints": [_endpoint(listen)],
+        "listen/endpoints": [_endpoint(end.listen)],
         "listen/exit_on_failure": True,
-        "connect/endpoints": [_endpoint(each) for each in connect],
+        "connect/endpoints": [_endpoint(each) for each in end.connect],
         "connect/timeout_ms": -1,  # whoever is not there yet is looked for again and again
         "connect/exit_on_failure": False,
         "connect/retry": {
@@ -194,6 +221,9 @@ def _settings(listen: str, connect: Sequence[str]) -> dict[str, Any]:
         "transport/shared_memory/enabled": False,
         # Nothing longer is said; left alone, Zenoh would join fragments up to a gigabyte.
         "transport/link/rx/max_message_size": 2 * MAX_ACCOUNT_BYTES,
+        "downsampling": [{"id": "most", "flows": ["ingress"], "messages": ["put"], "rules": slower}]
+        if slower
+        else [],
     }
 
 
@@ -205,6 +235,8 @@ def _access(swarm: str, drones: int) -> dict[str, Any]:
     """Everybody may hear everybody; in the name of each may speak who has its certificate."""
     everything = f"{swarm}/air/**"
     names = {name_of(drone): user(drone) for drone in range(drones)} | {OPERATOR: OPERATOR, WORLD: WORLD}
+    said = [_WORD, *_of(range(drones), "beacon", "account", "pose", "status")]
+    said += [key for drone in range(drones) for key in _of_world(drone)]
     hearing: list[dict[str, Any]] = [
         {
             "id": "say",
@@ -212,10 +244,16 @@ def _access(swarm: str, drones: int) -> dict[str, Any]:
             "messages": ["put", "declare_subscriber"],
             "key_exprs": [everything],
         },
-        {"id": "hear", "flows": ["ingress"], "messages": ["declare_subscriber"], "key_exprs": [everything]},
+        # Each in so many words: what was declared, Zenoh keeps.
+        {
+            "id": "hear",
+            "flows": ["ingress"],
+            "messages": ["declare_subscriber"],
+            "key_exprs": [_key(swarm, *key) for key in said],
+        },
     ]
     speaking = [
-        {"id": who, "flows": ["ingress"], "messages": ["put"], "key_exprs": [f"{swarm}/air/{who}/*"]}
+        {"id": who, "flows": ["ingress"], "messages": ["put"], "key_exprs": [_key(swarm, who, "*")]}
         for who in names
     ]
     return {

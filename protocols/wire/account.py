@@ -3,11 +3,29 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+
+from protocols.wire.keys import MAX_AGENTS
 
 MAX_ACCOUNT_BYTES = 16384
-Short = Annotated[str, Field(max_length=200)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+_LONGEST = 200
+
+
+def shown(text: str) -> str:
+    """As a text may stand in an account, and on an operator's terminal: nothing in it does anything there."""
+    return "".join(char if char.isprintable() else "?" for char in text[:_LONGEST])
+
+
+def _checked(text: str) -> str:
+    if shown(text) != text:
+        raise ValueError("not printable")
+    return text
+
+
+Short = Annotated[str, Field(max_length=_LONGEST), AfterValidator(_checked)]
+Finite = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+Number = Annotated[int, Field(ge=0, le=MAX_AGENTS)]
+Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
 class AccountError(ValueError):
@@ -24,17 +42,17 @@ class Account:
         rejected: frames heard and not believed. fleet, mission, version: of what it flies.
     """
 
-    drone: int
+    drone: Number
     phase: Short
     mode: Short
     complaints: tuple[Short, ...]
     reasons: tuple[Short, ...]
-    heard: tuple[int, ...]
+    heard: tuple[Number, ...]
     clock_ms: Finite | None
-    slot: int
-    ticks: int
-    missed: int
-    rejected: int
+    slot: Number
+    ticks: Count
+    missed: Count
+    rejected: Count
     fleet: Short
     mission: Short
     version: Short

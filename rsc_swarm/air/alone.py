@@ -13,6 +13,7 @@ from agent.air.flying import fly
 from agent.air.obstacles import Obstacles
 from agent.air.peers import AirLink, end_of, name_of
 from agent.air.pilot import Phase
+from agent.air.reach import reach_of
 from agent.air.trouble import Trouble
 from agent.process import seals_of
 from protocols.fleet.document import FleetError, host_of
@@ -85,7 +86,7 @@ def load(plan: Plan) -> None:
     make_room(plan.mission.agents)
     rehearse_judging(plan)
     warm_up_drone(plan.mission)
-    RoomBody(plan, 0, Contacts(0), Obstacles(()), lags=False).fly(0.0, 0.0)
+    RoomBody(plan, 0, Contacts(0, reach_of(plan)), Obstacles(()), lags=False).fly(0.0, 0.0)
 
 
 def _say(me: int, text: str) -> None:

@@ -10,6 +10,7 @@ import time
 
 from agent.air.contacts import Contacts, mover_of, tick_of
 from agent.air.peers import OPERATOR, Said, drone_of
+from agent.air.reach import reach_of
 from protocols.dynamics import TICKS_PER_S
 from protocols.fleet.plan import Plan
 from protocols.mission.document import Mission, MissionError, parse_mission
@@ -64,9 +65,9 @@ class MixedWorld:
         self.core, self.recorder = WorldCore([mission]), Recorder(mission)
         self._swarm = ExternalSwarm(self.core)
         self.director = Director(self.core, self._swarm)
-        self._poses = Contacts(None)
+        self._poses = Contacts(None, reach_of(plan))
         self._go: int | None = None
-        self._waiting: list[Carried] = []  # outside of the mission
+        self._waiting: dict[int, bytes] = {}  # outside of the mission: the newest of each
         self._noise = random.Random(mission.seed)
         self._began = self._first_tick_at = 0.0
         self._took_s = 0.0
@@ -102,12 +103,15 @@ class MixedWorld:
         if self.begun and self._going_on:
             self._swarm.says(drone, data, record_of(data))
         else:
-            self._waiting += [(to, drone, data) for to in range(self._agents) if to != drone]
+            self._waiting[drone] = data
 
     def tick(self, utc_us: int, now: float) -> list[tuple[str, bytes]]:
         """Go on to this moment; what is to be said, by kinds."""
         utc_tick = tick_of(utc_us)
-        carried, self._waiting = self._waiting, []
+        waiting, self._waiting = self._waiting, {}
+        carried: list[Carried] = [
+            (to, drone, data) for drone, data in waiting.items() for to in range(self._agents) if to != drone
+        ]
         while self._going_on and self._go is not None and self._go + self.director.clock <= utc_tick:
             carried += self._fly(now)
         reached: dict[int, list[tuple[int, bytes]]] = {}

@@ -9,6 +9,7 @@ from agent.air.log import FlightLog
 from agent.air.peers import Said, name_of
 from agent.air.pilot import Phase
 from agent.air.preflight import disagreement
+from agent.air.reach import reach_of
 from protocols.dynamics import TICK_S, TICKS_PER_S
 from protocols.errors import SwarmError
 from protocols.fleet.plan import Plan
@@ -17,6 +18,7 @@ from protocols.wire.beacon import BeaconError, unpack_beacon
 from protocols.wire.operator import Order, Word, pack_word
 
 _LOST_S = 2.0
+_MOST_CHANGES = 1000  # of phase, of a drone: one that changes it all the time fills no memory
 _GO_TICKS = TICKS_PER_S  # ahead: so long an order may take to reach all
 # In which phases all are to be when somebody orders what begins something; in the first they were led to.
 _BEGINS = {
@@ -42,7 +44,7 @@ class Station:
     plan: Plan
     version: str
     started_us: int
-    contacts: Contacts = field(default_factory=lambda: Contacts(None))
+    contacts: Contacts = field(init=False)
     accounts: dict[int, Account] = field(default_factory=dict)
     events: list[tuple[float, int, str, tuple[str, ...]]] = field(default_factory=list)
     go_tick: int | None = None
@@ -50,7 +52,7 @@ class Station:
 
     def __post_init__(self) -> None:
         self._word = Word(self.started_us // 1000 & 0xFFFFFFFF, Order.NONE, 0, 0)
-        self.log = FlightLog(self.plan)
+        self.log, self.contacts = FlightLog(self.plan), Contacts(None, reach_of(self.plan))
 
     def hear(self, said: Said, now: float) -> None:
         """What a drone said; what cannot be, or in another's name, is not heard."""
@@ -63,12 +65,18 @@ class Station:
                 account = read_account(said.data)
                 if str(account.drone) == said.who and account.drone < self.plan.mission.agents:
                     before = self.accounts.get(account.drone)
-                    if before is None or before.phase != account.phase:
-                        why = account.reasons if before else ()
-                        self.events.append((said.at_us / 1e6, account.drone, account.phase, why))
+                    phase = Phase(account.phase)
+                    if before is None or before.phase != phase:
+                        self._changed(
+                            said.at_us / 1e6, account.drone, phase, account.reasons if before else ()
+                        )
                     self.accounts[account.drone] = account
         except (BeaconError, AccountError, ValueError):
             return
+
+    def _changed(self, utc_s: float, drone: int, phase: Phase, why: tuple[str, ...]) -> None:
+        if sum(other == drone for _, other, _, _ in self.events) < _MOST_CHANGES:
+            self.events.append((utc_s, drone, phase, why))
 
     def record(self, utc_us: int, now: float) -> None:
         """Keep where all are."""
@@ -117,7 +125,8 @@ class Station:
 
     def red(self, now: float) -> list[str]:
         """What speaks against flying; empty: preflight is green."""
-        lost, found = set(self.lost(now)), []
+        lost = set(self.lost(now))
+        found = [f"drone {drone}: says that it moves as no drone can" for drone in self.contacts.doubted(now)]
         for drone in range(self.plan.mission.agents):
             if drone in lost:
                 found.append(f"drone {drone}: is not heard at {self.plan.fleet.address(drone)}")

@@ -139,7 +139,8 @@ def start(words: list[str], here: Path, prepare: Callable[[], None] = lambda: No
     """
 
     def begin() -> None:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # of what is started in the background it is ignored
+        for number in ASKING:  # of what is started in the background, or by nohup, some are ignored
+            signal.signal(number, signal.SIG_DFL)
         prepare()
 
     command = [sys.executable, "-m", "rsc_swarm", *words]

@@ -47,7 +47,8 @@ def measure(protocol: str, loss: float, parted_s: float = 0.0) -> Measured:
             def run() -> int:
                 go_first()
                 at = [f"{protocol}/{address(other)}:7450" for other in range(_PEERS)]
-                end = End(name_of(me), at.pop(me), at)
+                others = [(name_of(other), "beacon") for other in range(_PEERS) if other != me]
+                end = End(name_of(me), at.pop(me), at, others)
                 link = AirLink("rsc", end, keys.get(user(me)), _PEERS)
                 (Path(folder) / f"{me}.up").touch()
                 time.sleep(4.0)  # until all are linked

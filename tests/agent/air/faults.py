@@ -6,6 +6,7 @@ python -m tests.agent.air.faults
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from agent.air.peers import name_of
 from agent.air.pilot import Phase
@@ -13,6 +14,7 @@ from agent.air.vehicle import Mode
 from protocols.wire.beacon import NO_TICK, NOBODY, Beacon, pack_beacon
 from protocols.wire.operator import Order
 from tests.agent.air.hall import Hall, plan_of
+from tests.agent.air.insiders import LIES, Lie, infiltrate
 
 ROOM = {
     "origin_m": [-2.5, 0],
@@ -134,6 +136,14 @@ def spoofed() -> Told:
     return _told("a drone speaks in another's name", hall, begun)
 
 
+def insider(lie: Lie) -> Told:
+    """With a valid key, in its own name."""
+    hall = _begin()
+    begun = hall.now
+    infiltrate(hall, lie)
+    return _told(f"a drone says {lie.__doc__}", hall, begun)
+
+
 def ordered(order: Order) -> Told:
     hall = _begin()
     begun = hall.now
@@ -162,6 +172,7 @@ STORIES: dict[str, Callable[[], Told]] = {
     "deaf": deaf,
     "clock": clock_off,
     "spoofed": spoofed,
+    **{lie.__name__: partial(insider, lie) for lie in LIES},
     "frozen": lambda: _vehicle("frozen", "a drone's position freezes"),
     "jump": lambda: _vehicle("jump", "a drone's position jumps by 2 m"),
     "empty": lambda: _vehicle("empty", "a drone's battery is empty"),

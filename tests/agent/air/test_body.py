@@ -5,6 +5,7 @@ import pytest
 from agent.air.body import RoomBody
 from agent.air.contacts import Contacts
 from agent.air.obstacles import Obstacles
+from agent.air.reach import reach_of
 from agent.air.vehicle import Mode, State
 from tests.agent.air.hall import plan_of
 
@@ -13,7 +14,7 @@ from tests.agent.air.hall import plan_of
 def test_one_that_lags_is_steered_by_where_it_was_told_to_be(lags: bool) -> None:
     """It has been told to be on its way for a third of a second, and stands yet."""
     plan = plan_of()
-    body = RoomBody(plan, 0, Contacts(0), Obstacles(()), lags)
+    body = RoomBody(plan, 0, Contacts(0, reach_of(plan)), Obstacles(()), lags)
     state = State((*plan.starts[0], 1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 1.0, Mode.FOLLOW, armed=True)
     body.begin(state)
     for tick in range(33):

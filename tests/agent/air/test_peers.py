@@ -20,6 +20,7 @@ from protocols.wire.nature import WORLD
 
 _ports = itertools.count(15000 + os.getpid() % 1000 * 5)
 HERE, NOW = "127.0.0.1", datetime.now(UTC)
+HEARS = [("0", "beacon"), ("1", "beacon"), (OPERATOR, "word")]
 
 
 def keys() -> dict[str, Certificates]:
@@ -34,7 +35,7 @@ class Band:
 
     def join(self, who: str, own: Certificates | None) -> AirLink:
         address = f"{'quic' if own else 'udp'}/{HERE}:{next(_ports)}"
-        link = AirLink("rsc", End(who, address, list(self.addresses)), own, 2)
+        link = AirLink("rsc", End(who, address, list(self.addresses), HEARS), own, 2)
         self.addresses.append(address)
         return self._links.enter_context(link)
 
@@ -52,12 +53,13 @@ def band() -> Iterator[Band]:
 def heard_by(
     link: AirLink, speakers: list[tuple[AirLink, bytes]], wanted: int, patience_s: float
 ) -> list[Said]:
-    """What ``link`` hears while all ``speakers`` say beacons, until it has heard ``wanted`` of them."""
+    """What ``link`` hears while all ``speakers`` say beacons and words, until it has heard ``wanted`` of them."""
     heard: list[Said] = []
     deadline = time.monotonic() + patience_s
     while len({said.data for said in heard}) < wanted and time.monotonic() < deadline:
         for speaker, data in speakers:
-            speaker.say("beacon", data)
+            for kind in ("beacon", "word"):
+                speaker.say(kind, data)
         time.sleep(0.05)
         heard += link.hear()
     return heard
@@ -72,7 +74,7 @@ def test_all_hear_each_other(band: Band, secret: bool) -> None:
     heard = heard_by(zero, [(one, b"1"), (operator, b"g")], 2, 20.0)
     assert {(said.who, said.kind, said.data) for said in heard} == {
         ("1", "beacon", b"1"),
-        (OPERATOR, "beacon", b"g"),
+        (OPERATOR, "word", b"g"),
     }
     assert all(abs(said.at_us / 1e6 - time.time()) < 30 for said in heard)
 
@@ -107,10 +109,10 @@ def test_who_falls_silent_amid_a_handshake_keeps_nobody_apart() -> None:
         with AirLink("rsc", End(name_of(1), at[2], [whom]), keys()[user(1)], 2):
             begins = silent.recv(2048)
         own = keys()
-        with AirLink("rsc", End(name_of(0), at[0], [at[1]]), own[user(0)], 2) as zero:
+        with AirLink("rsc", End(name_of(0), at[0], [at[1]], HEARS), own[user(0)], 2) as zero:
             silent.sendto(begins, (HERE, int(at[0].rpartition(":")[2])))
             time.sleep(0.2)
-            with AirLink("rsc", End(name_of(1), at[1], [at[0]]), own[user(1)], 2) as one:
+            with AirLink("rsc", End(name_of(1), at[1], [at[0]], HEARS), own[user(1)], 2) as one:
                 assert heard_by(zero, [(one, b"1")], 1, 10.0)
                 assert b"0" in {said.data for said in heard_by(one, [(zero, b"0")], 2, 10.0)}
 
@@ -161,3 +163,41 @@ def test_what_was_closed_a_moment_ago_is_free() -> None:
                 check_free(f"tcp/{HERE}:{port}")
             one.close()
     check_free(f"tcp/{HERE}:{port}")
+
+
+@pytest.mark.parametrize("secret", [False, True], ids=["udp", "quic"])
+def test_who_floods_is_heard_no_more_than_others_and_takes_nothing_from_them(
+    band: Band, secret: bool
+) -> None:
+    own = keys() if secret else {}
+    zero, flooding = band.join(name_of(0), own.get(user(0))), band.join(name_of(1), own.get(user(1)))
+    operator = band.join(OPERATOR, own.get(OPERATOR))
+    assert heard_by(zero, [(flooding, b"1"), (operator, b"g")], 2, 20.0)
+    begun, said, words, flood = time.monotonic(), 0, 0, []
+    while time.monotonic() - begun < 1.0:
+        for _ in range(100):
+            flooding.say("beacon", bytes(1000))
+        operator.say("word", b"%d" % said)
+        said += 1
+        heard = zero.hear()
+        assert len(heard) < 200
+        words += sum(each.who == OPERATOR for each in heard)
+        flood += [each for each in heard if each.who == "1"]
+    time.sleep(0.2)
+    words += sum(each.who == OPERATOR for each in zero.hear())
+    assert words > 0.5 * min(said, 64)
+    assert len(flood) < 1500
+
+
+def test_who_declares_without_end_is_not_listened_to(band: Band) -> None:
+    """But for what there is; each would else take 2 kB of everybody's memory."""
+    own = keys()
+    zero, one = band.join(name_of(0), own[user(0)]), band.join(name_of(1), own[user(1)])
+    assert heard_by(zero, [(one, b"1")], 1, 20.0)
+    kept = [one._session.declare_subscriber(f"rsc/air/{n}x/beacon", lambda sample: None) for n in range(50)]
+    publisher = zero._session.declare_publisher("rsc/air/7x/beacon")
+    honest = zero._session.declare_publisher("rsc/air/0/beacon")
+    time.sleep(0.5)
+    assert honest.matching_status.matching
+    assert not publisher.matching_status.matching
+    assert kept
