@@ -19,7 +19,7 @@ from rsc_swarm.options import MissionOptions
 from rsc_swarm.show.plots.curves import read_curve
 from rsc_swarm.show.plots.film import film
 from rsc_swarm.show.plots.flight import draw, edges, free_place
-from rsc_swarm.show.plots.style import PlotError
+from rsc_swarm.show.plots.style import PlotError, look
 from rsc_swarm.study.intervals import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
 from rsc_swarm.study.tables.table import Paper
@@ -247,6 +247,11 @@ def test_learning_curves_are_drawn_from_what_training_wrote(tmp_path):
         read_curve(tmp_path)
     with pytest.raises(PlotError, match=r"nowhere/curve.jsonl: cannot be read \(No such file or directory\)"):
         read_curve(tmp_path / "nowhere")
+
+
+def test_however_many_lines_there_are_none_looks_like_another():
+    looks = [look(number) for number in range(24)]
+    assert all(looks.count(one) == 1 for one in looks)
 
 
 def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):

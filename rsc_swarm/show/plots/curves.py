@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from rsc_swarm.show.plots.style import FAINT, INK, LINES, ROCK, PlotError, bare, new_figure, save
+from rsc_swarm.show.plots.style import FAINT, INK, LINES, ROCK, PlotError, bare, look, new_figure, save
 from rsc_swarm.study.tables.result import RowResult, TableResult
 
 _PANELS = (
@@ -38,16 +38,16 @@ def draw_horizons(result: TableResult, out: Path) -> None:
     bare(axes)
     if papers:
         _line(axes, horizons, papers, "reported by the paper", color=FAINT, marker="s", ls=(0, (4, 3)))
-    for (way, rows), colour in zip(ways.items(), LINES, strict=False):
+    for number, (way, rows) in enumerate(ways.items()):
         values = {horizon: 100 * row.success_rate for horizon, row in rows.items()}
-        _line(axes, horizons, values, f"{way}, flown here", color=colour, marker="o")
+        _line(axes, horizons, values, f"{way}, flown here", marker="o", **look(number))
         for horizon, row in rows.items():
             at, (low, high) = horizons.index(horizon), row.success_interval
             axes.errorbar(
                 at,
                 100 * low,
                 [[0], [100 * (high - low)]],
-                color=colour,
+                color=look(number)["color"],
                 lw=1.4,
                 capsize=7,
                 capthick=1.4,
@@ -75,7 +75,7 @@ def _line(axes: Any, horizons: list[int], values: dict[int, float], label: str, 
 
 
 def _legend(axes: Any) -> None:
-    """A line between title and axes; it takes no room from the panels."""
+    """Lines of six between title and axes; they take no room from the panels."""
     legend = axes.legend(
         loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=len(LINES), frameon=False, fontsize=9, labelcolor=ROCK,
         handletextpad=0.5, columnspacing=1.4, borderaxespad=0.2,
@@ -94,7 +94,7 @@ def draw_curves(folders: Sequence[Path], out: Path) -> None:
     panels = figure.subplots(1, len(_PANELS), sharex=True)
     for axes, (name, title, scale) in zip(panels, _PANELS, strict=True):
         bare(axes)
-        for (folder, lines), colour in zip(curves.items(), LINES, strict=False):
+        for number, (folder, lines) in enumerate(curves.items()):
             points = [
                 (updates / 1000, _SCALE[name] * value)
                 for line in lines
@@ -102,13 +102,13 @@ def draw_curves(folders: Sequence[Path], out: Path) -> None:
             ]
             if points:
                 axes.plot(
-                    *zip(*points, strict=True), lw=1.4, alpha=0.9, color=colour, label=folder.name, zorder=3
+                    *zip(*points, strict=True), lw=1.4, alpha=0.9, label=folder.name, zorder=3, **look(number)
                 )
         axes.set_yscale(scale)
         if scale == "log":
             _plain_numbers(axes)
         axes.set_xlabel("thousand updates")
-        axes.set_title(title, loc="left", fontsize=10, color=INK, pad=26)
+        axes.set_title(title, loc="left", fontsize=10, color=INK, pad=10 + 16 * -(-len(curves) // len(LINES)))
     panels[-1].set_ylim(-3, 103)
     _legend(panels[0])
     save(figure, out)

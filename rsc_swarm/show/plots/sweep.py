@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsc_swarm.show.plots.style import INK, LINES, ROCK, bare, new_figure, save
-
-_MARKERS = "os^Dv<>P"
+from rsc_swarm.show.plots.style import INK, ROCK, bare, look, new_figure, save
 
 
 def draw(fields: Sequence[str], table: Sequence[dict[str, Any]], out: Path) -> None:
@@ -33,7 +31,7 @@ def draw(fields: Sequence[str], table: Sequence[dict[str, Any]], out: Path) -> N
         above = [100 * (row["high"] - row["success"]) for row in rows]
         axes.errorbar(
             at, [100 * row["success"] for row in rows], [below, above], label=label or None, lw=2, ms=5, capsize=4,
-            color=LINES[number % len(LINES)], marker=_MARKERS[number // len(LINES) % len(_MARKERS)],
+            marker="o", **look(number),
         )  # fmt: skip
     axes.set(xlabel=first, ylabel="success, %", ylim=(-3, 103))
     if not scaled:
