@@ -63,6 +63,8 @@ def _table_1() -> Iterator[Row]:
     yield from _analytic(_PLAIN)
     yield from _baseline(_PLAIN, "Saber", "saber", Paper(5.0, 15.47, None, 39.5))
     papers_stgnn = Paper(0.0, None, None, 72.0)
+    unblended = replace(_LETTER, settings=("trajectory.blend=false",))  # its authors blend nothing in
+    yield Row(_lettered(_PLAIN), "STGNN", unblended, "stgnn-paper", papers_stgnn)
     yield Row(_PLAIN, "STGNN", _UNAIDED, "stgnn", papers_stgnn)
     yield from _baseline(_PLAIN, "STGNN", "stgnn", papers_stgnn)
     yield from _rsc(_PLAIN, 1, Paper(0.0, None, 4.0, 95.5))
