@@ -50,14 +50,18 @@ endpoint = sys.argv[1]
 login = read_login(Path(sys.argv[2]) / "agent-0.json", 0, endpoint, plain_text=False)
 fly_agent(login, endpoint, "rsc-h20", lambda seconds: print(seconds, flush=True))
 """
-_LARGE = 100
+_LARGE, _LARGEST = 100, 250
+_CURVE = (25, 100, 256, 1024)  # drones that one process flies
 POLICIES = ("rsc-h20", "analytic")
 
 
 def bench(
     agents: int = 25, quick: bool = False, say: Callable[[str], None] = lambda line: None
 ) -> dict[str, Any]:
-    """All figures, as plain numbers, for ``agents`` drones and for a swarm of 100; ``say`` is told what is being measured.
+    """All figures, as plain numbers, for ``agents`` drones and for larger swarms; ``say`` is told what is being measured.
+
+    Args:
+        quick: of larger swarms only the first seconds are flown.
 
     Raises:
         rsc_swarm.flight.launch.RunBroken, RuntimeError: a run broke.
@@ -68,12 +72,19 @@ def bench(
     figures |= {**_batch(agents), **_protocol(agents)}
     say("the batch simulation of training, and VMAS")
     figures |= bench_batch(agents, quick)
-    for size, runs in ((agents, 5), (_LARGE, 3)):
+    for size, runs in ((agents, 5), (_LARGE, 3), (_LARGEST, 1)):
         say(f"{size} drones in {size} processes, and the bare echo")
-        mission = Mission(agents=size, fly_s=5.0) if quick and size == _LARGE else Mission(agents=size)
-        figures[f"flights_{size}"] = _flights(mission, 1 if quick else runs)
+        figures[f"flights_{size}"] = _flights(_mission(size, quick), 1 if quick else runs)
+    figures["in_one_process"] = {}
+    for size in _CURVE:
+        say(f"{size} drones in one process")
+        figures["in_one_process"][size] = _in_one_process(_mission(size, quick))
     say("the policy's model")
     return figures | _model_call()  # last: a process that has opened a model must not fork
+
+
+def _mission(agents: int, quick: bool) -> Mission:
+    return Mission(agents=agents, fly_s=5.0 if quick and agents >= _LARGE else None)
 
 
 def twins(agents: int, count: int, say: Callable[[str], None] = lambda line: None) -> dict[str, int]:
@@ -101,13 +112,19 @@ def render(figures: dict[str, Any]) -> str:
     flights = [
         f"{f'{size} drones in processes, {policy}':34s} {flown['real_time_factor']:.2f} x real time, "
         f"{100 * flown['share_of_echo']:.0f} % of the bare echo's tick rate, {flown['pss_mb_per_agent']:.1f} MB a drone (PSS)"
-        for size in (figures["agents"], _LARGE)
+        for size in (figures["agents"], _LARGE, _LARGEST)
         for policy, flown in figures[f"flights_{size}"].items()
+    ]
+    curve = [
+        f"{f'{size} drones in one process':34s} {flown['real_time_factor']:.2f} x real time, "
+        f"{flown['us_per_agent_tick']:.1f} us per drone and tick"
+        for size, flown in figures["in_one_process"].items()
     ]
     default = figures[f"flights_{figures['agents']}"][POLICIES[0]]
     return "\n".join(
         [
             *flights,
+            *curve,
             f"{f'{POLICIES[0]} instead of {POLICIES[1]}':34s} costs {100 * _cost(figures):.0f} % of the real-time factor, "
             "pair by pair",
             f"launch to first tick               {figures['first_tick_s']:.2f} s",
@@ -118,7 +135,7 @@ def render(figures: dict[str, Any]) -> str:
             f"a call of {POLICIES[0]}'s model           {figures['model_call_ms']:.3f} ms at the median, one thread",
             f"slot protocol while quiet          {figures['protocol_bytes']} bytes a frame, "
             f"{figures['protocol_us']:.1f} us per drone and tick",
-            f"in one process                     {figures['simulated_us_per_agent_tick']:.1f} us per drone and tick",
+            f"many in one process, in step       {figures['simulated_us_per_agent_tick']:.1f} us per drone and tick",
             f"batch simulation                   {figures['episodes_per_s']:.0f} episodes/s, "
             f"{figures['batch_agent_steps_per_s'] / 1e6:.1f} million agent-steps/s{_beside_vmas(figures)}",
         ]
@@ -152,6 +169,16 @@ def _flights(mission: Mission, runs: int) -> dict[str, dict[str, Any]]:
         ticks = _ECHO_TICKS if mission.agents < _LARGE else _ECHO_TICKS // 4
         echoes.append(bare_echo(mission.agents, round(up), round(down), ticks))
     return {policy: _flown(launched, echoes) for policy, launched in flown.items()}
+
+
+def _in_one_process(mission: Mission) -> dict[str, float]:
+    """One whole flight of drones that share a process."""
+    simulation = Simulation([mission])
+    began = time.perf_counter()
+    while simulation.world.active.any():
+        simulation.tick()
+    per_tick = (time.perf_counter() - began) / simulation.clock
+    return {"real_time_factor": TICK_S / per_tick, "us_per_agent_tick": 1e6 * per_tick / mission.agents}
 
 
 def _flown(launched: list[Launched], echoes: list[float]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from world.server.patience import GRACE_S, PATIENCE_S, Patience
+from world.server.patience import GRACE_S, PATIENCE_S, WATCHED_S, Patience
 
 ALL, LAST = {0, 1, 2}, {2}
 
@@ -55,6 +55,15 @@ def test_total_silence_has_an_end() -> None:
     patience.begin(ALL, True, 10.0)
     assert patience.over(1, 10.0 + PATIENCE_S, 1e6) is None
     assert patience.over(1, 10.1 + PATIENCE_S, 1e6) == "it has not answered for 90 s"
+
+
+def test_many_drones_of_one_machine_are_each_given_their_turn() -> None:
+    few, many = Patience(25, watched=True), Patience(250, watched=True)
+    for patience in (few, many):
+        patience.begin(ALL, True, 0.0)
+    assert few.over(1, WATCHED_S + 0.1, 1e6) == "it has not answered for 20 s"
+    assert many.over(1, WATCHED_S + 0.1, 1e6) is None
+    assert many.over(1, 50.1, 1e6) == "it has not answered for 50 s"
 
 
 def test_a_process_known_to_be_stopped_is_waited_for_and_owes_nothing() -> None:

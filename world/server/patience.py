@@ -9,7 +9,8 @@ pause costs a drone nothing that matters.
 from collections.abc import Set as AbstractSet
 
 PATIENCE_S = 90.0  # for one answer: longer than a pause that nobody told the world of,
-WATCHED_S = 20.0  # or, where it would have been told, longer than a machine lets a process wait
+WATCHED_S = 20.0  # or, where it would have been told, longer than a machine lets a process wait,
+TURN_S = 0.2  # and than it takes to give so many processes their turn
 GRACE_S = 5.0
 LONGEST_S = 1.0
 _ODD = 0.01  # of it
@@ -20,7 +21,7 @@ class Patience:
 
     def __init__(self, agents: int, watched: bool = False) -> None:
         """watched: whether a process is stopped is known."""
-        self._patience_s = WATCHED_S if watched else PATIENCE_S
+        self._patience_s = max(WATCHED_S, TURN_S * agents) if watched else PATIENCE_S
         self._since = [0.0] * agents  # it is awaited
         self._alone = [0.0] * agents  # how long it was awaited alone, all together
         self._late = [0.0] * agents  # the same, no wait counting for more than it may
