@@ -134,7 +134,7 @@ class SlotGossip:
         """Of these, what is new and properly sealed."""
         good = []
         for swap in swaps:
-            if swap.op in self.book:
+            if swap.op in self._seals_of:
                 continue
             if not (self._rules.allows(swap.op) and swap.holds(self._seals)):
                 counts.unsealed += 1
@@ -147,7 +147,8 @@ class SlotGossip:
         if not new:
             return
         told = {**self._seals_of, **dict(new)}
-        self._seals_of = {op: told[op] for op in self.book.ops}
+        dropped = len(told) > self.book.count
+        self._seals_of = {op: told[op] for op in self.book.ops} if dropped else told
         fresh = (*(swap.op for swap in new), *self._fresh)
         self._fresh = tuple(op for op in fresh if op in self._seals_of)
         self._repair_left = self._rules.repair_frames

@@ -51,6 +51,10 @@ class Swap(NamedTuple):
     def involves(self, agent: int) -> bool:
         return agent in (self.agent_a, self.agent_b)
 
+    def shares_slot(self, other: Swap) -> bool:
+        mine = (self.slot_a, self.slot_b)
+        return other.slot_a in mine or other.slot_b in mine
+
 
 def pack_swap(op: Swap) -> bytes:
     """The same bytes on every machine: what is hashed, and what is sealed."""
@@ -132,10 +136,11 @@ class SlotBook:
         if not op.taken:
             self._agreed_clock = max(self._agreed_clock, op.counter)
         self.settled = min(self.settled, at)
-        if at < len(self.ops) or any(other.taken for other in ops):
-            self._replay((*ops[:at], op, *ops[at:]))
+        after = (*ops[:at], op, *ops[at:])
+        if any(op.shares_slot(later) for later in ops[at:]) or any(other.taken for other in after):
+            self._replay(after)
         else:
-            self._append(op)
+            self._go_on(after, op)
         return True
 
     def settle(self) -> None:
@@ -162,9 +167,9 @@ class SlotBook:
         if op.slot_a == op.slot_b or op.agent_a == op.agent_b or op.counter < 1 or op.nonce < 0:
             raise ValueError(f"not a swap: {op}")
 
-    def _append(self, op: Swap) -> None:
-        """The common case: the swap comes after all known ones, so the fold goes on from where it stands."""
-        self.ops = (*self.ops, op)
+    def _go_on(self, ops: tuple[Swap, ...], op: Swap) -> None:
+        """The common case: those after the new swap know nothing of its slots, so the fold goes on from where it stands."""
+        self.ops = ops
         occupant, slot_of = list(self.occupant), list(self.slot_of)
         if _apply(occupant, slot_of, op):
             self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
