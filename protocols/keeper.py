@@ -105,7 +105,7 @@ class Keeper:
         self._heard_at = self._setpoint_at = self._armed_at = -math.inf
         self._since = self._said_at = self._streamed_at = -math.inf
         self._said = 0  # how often what this mode begins with was said
-        self._disarming = False
+        self._arming = self._disarming = False  # what is said until it is so
         self._duration_s = self._start_height = self._height = 0.0
         self._rest = Stream(_STILL, _STILL, _STILL, 0.0)
 
@@ -179,7 +179,8 @@ class Keeper:
             self._duration_s = max(0.5, (self._height - seen.p[2]) / self._limits.climb_mps)
             self._follow(Mode.CLIMB, now)
         elif self._order.kind is Kind.ARM:
-            self.armed, self._disarming = True, False
+            self.armed = self._arming = True
+            self._disarming = False
             self._follow(Mode.GROUND, now)
         elif self._order.kind is Kind.LAND:
             self._stand(now)
@@ -223,7 +224,9 @@ class Keeper:
     def _on_ground(self, seen: Seen, now: float) -> list[Act]:
         # One that arms itself would do so again at once; and one that was found in the air is somebody else's.
         disarms = self._disarming and seen.armed and not (seen.arms_itself or seen.flying)
-        if seen.locked or not (disarms or (self.armed and not seen.armed)):
+        # One that disarms itself, as autopilots do that are not taken off, is not armed again unasked.
+        self._arming = self._arming and self.armed and not seen.armed
+        if seen.locked or not (disarms or self._arming):
             return []
         return [Arm(self.armed)] if self._due(now, _ARMING_SAID) else []
 

@@ -17,6 +17,7 @@ from protocols.keeper import STREAM_S, Arm, Cut, Keeper, Land, Limits, Seen, Str
 from protocols.wire.vehicles import Mode
 
 _CLIMB_MPS, _SINK_MPS = 0.5, 0.3
+_BELOW_M = 1.0
 _PATIENCE_S = 15.0  # motors take seconds to spin up, and each autopilot climbs and sinks at its own pace
 _STILL: Vector = (0.0, 0.0, 0.0)
 
@@ -109,7 +110,6 @@ class Leader:
         self._ramp: tuple[Vector, TakeOff, float, float] | None = (
             None  # from where, what, since when, looking where
         )
-        self._stands: Stream | None = None
         self._streaming_since = math.inf
         self._streamed_at = self._said_at = -math.inf
 
@@ -168,7 +168,7 @@ class Leader:
         self._ramp = self._ramp if mode is Mode.CLIMB else None
         waits = mode is Mode.GROUND and self.keeper.armed and self.profile.streams_first_s > 0.0
         if not waits and mode is Mode.GROUND:
-            self._stands, self._streaming_since = None, math.inf
+            self._streaming_since = math.inf
         if not (waits or self._ramp) or now - self._streamed_at < STREAM_S - 0.001:
             return []
         self._streamed_at = now
@@ -177,8 +177,8 @@ class Leader:
             part = min(1.0, (now - since) / duration_s)
             speed = (height - z) / duration_s if part < 1.0 else 0.0
             return [Stream((x, y, z + part * (height - z)), (0.0, 0.0, speed), _STILL, yaw)]
-        self._stands = self._stands or Stream(seen.p, _STILL, _STILL, seen.yaw)
-        return [self._stands]
+        # Below the ground: PX4 leaves it as soon as a setpoint is above where it takes itself to be, which wanders.
+        return [Stream((*seen.p[:2], seen.p[2] - _BELOW_M), _STILL, _STILL, seen.yaw)]
 
 
 def _limits(failsafe: Failsafe, acceleration_mps2: float) -> Limits:

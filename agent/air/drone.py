@@ -84,6 +84,7 @@ class AirDrone:
         self._stand = Setpoint((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._asked_at = 0.0
         self._arm_until = 0.0
+        self._was_armed = False
         self._pace = Pace()
 
     def hear(self, said: Said, now: float) -> None:
@@ -214,8 +215,9 @@ class AirDrone:
         """Let the pilot decide; whether the phase changed."""
         facts = Facts(
             now, order, state.mode, verdict, tick >= 0, tick > self.plan.ticks,
-            order is Order.ARM and not self.complaints(state, now),
+            order is Order.ARM and not self.complaints(state, now), self._was_armed and not state.armed,
         )  # fmt: skip
+        self._was_armed = state.armed
         before, self.pilot = self.pilot, step(self.pilot, facts, self._patience)
         if self.pilot.phase is before.phase:
             return False

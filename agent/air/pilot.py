@@ -46,6 +46,7 @@ _OF_ITSELF = frozenset(
     {Event.CLIMBED, Event.START, Event.OVER, Event.LANDED}
 )  # whatever is ordered in the same tick
 _GUARDED = frozenset({Event.HOLD, Event.LAND, Event.KILL})
+_LEAVES_S = 5.0  # who is told to take off and stands after so long is not to do so later
 IN_FLIGHT = frozenset({Phase.CLIMB, Phase.FORM, Phase.FLY, Phase.HOLD, Phase.LAND})
 
 TABLE: dict[tuple[Phase, Event], Phase] = {
@@ -80,8 +81,9 @@ class Pilot(NamedTuple):
 class Facts(NamedTuple):
     """What a pilot is told each tick.
 
-    now: s, of a clock that never steps. order: new this tick; None: none. mode: of the vehicle. verdict: the guard's.
-    started, over: whether the tick of `go` has come, and the last of the mission is past. may_arm: preflight is green.
+    now: s, of a clock that never steps. order: new this tick; None: none. mode: of the vehicle. verdict: the guard's. started,
+    over: whether the tick of `go` has come, and the last of the mission is past. may_arm: preflight is green. disarmed: it was
+    armed, and is not any more.
     """
 
     now: float
@@ -91,6 +93,7 @@ class Facts(NamedTuple):
     started: bool
     over: bool
     may_arm: bool
+    disarmed: bool = False
 
 
 class Patience(NamedTuple):
@@ -122,6 +125,10 @@ def _told(pilot: Pilot, event: Event, facts: Facts) -> tuple[str, ...]:
         return (f"ordered to {facts.order}",)
     if event is Event.LAND and pilot.phase is Phase.HOLD and facts.now >= pilot.land_at:
         return (f"has held for {facts.now - pilot.since:.0f} s",)
+    if event is Event.LAND and pilot.phase is Phase.ARMED:
+        return ("the vehicle disarmed itself: take off sooner after arming",)
+    if event is Event.LAND and pilot.phase is Phase.CLIMB and facts.mode is Mode.GROUND:
+        return ("the vehicle does not leave the ground",)
     if event in (Event.LAND, Event.KILL):
         return (f"the vehicle does so by itself: {facts.mode}",)
     return (str(event),)
@@ -134,7 +141,9 @@ def _events(pilot: Pilot, facts: Facts, action: Action) -> list[Event]:
     if order is Order.KILL or action is Action.KILL or (in_flight and mode is Mode.DEAD):
         events.append(Event.KILL)
     comes_down = mode is Mode.LAND or (mode is Mode.GROUND and pilot.phase is not Phase.CLIMB)
-    if order is Order.LAND or action is Action.LAND or (in_flight and comes_down):
+    stays = pilot.phase is Phase.CLIMB and mode is Mode.GROUND and facts.now - pilot.since > _LEAVES_S
+    stays = stays or (pilot.phase is Phase.ARMED and facts.disarmed)
+    if order is Order.LAND or action is Action.LAND or (in_flight and comes_down) or stays:
         events.append(Event.LAND)
     if order in (Order.HOLD, Order.ABORT) or action is Action.HOLD:
         events.append(Event.HOLD)

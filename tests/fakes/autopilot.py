@@ -1,7 +1,8 @@
 """An autopilot, as pymavlink sees one: PX4 or ArduPilot (Copter), by their documentation and their sources.
 
 PX4: OFFBOARD is entered, and armed in, only after setpoints have come at more than 2 Hz for a second. When they stop for
-COM_OF_LOSS_T, it does what COM_OBL_RC_ACT says: 4 is a landing; by default it waits for a pilot, who is not there.
+COM_OF_LOSS_T, it does what COM_OBL_RC_ACT says: 4 is a landing; by default it waits for a pilot, who is not there. It leaves the
+ground when a setpoint is above where it takes itself to be; as that wanders, one at its own height lifts it off.
 
 ArduPilot: armed in GUIDED only; leaves the ground only by NAV_TAKEOFF. Without setpoints for GUID_TIMEOUT it stops at the last
 position it was told. Without heartbeats of its ground station for FS_GCS_TIMEOUT it lands where FS_GCS_ENABLE is 5, after it has
@@ -10,37 +11,41 @@ held for 4 s. It follows late, and sinks, stands and swings as the firmware of A
 Where it has its origin from satellites, ArduPilot keeps that and says nothing to another, or takes it after it has
 said that it took another; PX4 takes what it is given.
 
-Both: a landing ends disarmed; armed on the ground for 10 s, they disarm; in the air they are disarmed by force alone.
+Both follow late, and sink, stand and swing as the firmware of ArduCopter 4.7-dev and of PX4 1.14 did (docs/hardware.md). A
+landing ends disarmed; armed on the ground for 10 s, they disarm; in the air they are disarmed by force alone.
 """
 
 import math
 import struct
+from dataclasses import replace
 from enum import Enum
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.fakes.motion import STILL, Goal, Motion, Vector
+from tests.fakes.motion import STILL, Goal, Lag, Motion, Vector
 
 _STEP_S = 0.005
 _CLIMB_MPS = 1.0
 _FORCE = 21196
+_WANDERS_M = 0.3  # its height by its own estimate
 _DRAIN_PER_S = 1 / 900
 STREAM_FOR_S, STREAM_GAP_S, IDLE_DISARM_S = 1.0, 0.5, 10.0
 
 
 class Make(Enum):
     """Whose autopilot: its number in a heartbeat, the custom modes of being led, landing and waiting for a pilot; how fast it
-    sinks [m/s], how long its failsafe waits before that, and how long it stands before its motors are off [s]."""
+    sinks [m/s], how long its failsafe waits before that, and how long it stands before its motors are off [s]; its lag."""
 
-    PX4 = 12, 6 << 16, 4 << 16 | 6 << 24, 3 << 16, 0.7, 0.0, 0.0
-    ARDUPILOT = 3, 4, 9, 5, 0.5, 4.0, 2.0
+    PX4 = (12, 6 << 16, 4 << 16 | 6 << 24, 3 << 16), (0.4, 0.0, 2.0), Lag(1.7, 1.8, 0.15)
+    ARDUPILOT = (3, 4, 9, 5), (0.5, 4.0, 2.0), Lag(2.0, 2.0, 0.3)
 
     def __init__(
-        self, number: int, led: int, land: int, wait: int, sink_mps: float, pause_s: float, stand_s: float
+        self, numbers: tuple[int, int, int, int], landing: tuple[float, float, float], lag: Lag
     ) -> None:
-        self.number, self.led, self.land, self.wait = number, led, land, wait
-        self.sink_mps, self.pause_s, self.stand_s = sink_mps, pause_s, stand_s
+        self.number, self.led, self.land, self.wait = numbers
+        self.sink_mps, self.pause_s, self.stand_s = landing
+        self.lag = lag
 
 
 def ned(enu: Vector) -> Vector:
@@ -61,7 +66,7 @@ class FakeAutopilot:
 
     def __init__(self, make: Make, start: Vector = STILL, system: int = 1, tuned: bool = True) -> None:
         """``tuned``: its parameters are as they should be, not as they come."""
-        self.make, self.motion = make, Motion(start, lags=make is Make.ARDUPILOT)
+        self.make, self.motion = make, Motion(start, lag=make.lag)
         self.custom_mode, self.armed = make.wait, False
         self.frozen = self.dead_link = self.needs_position = False
         self.battery, self.targets = 1.0, 0
@@ -154,9 +159,12 @@ class FakeAutopilot:
                 self._climbing_to, self._goal = None, Goal((x, y, self._climbing_to))
             else:
                 return Goal((x, y, None), (0.0, 0.0, _CLIMB_MPS), yaw=self.motion.yaw)
-        if self._goal is None or (self.landed and (self._goal.p[2] or 0.0) < 0.02):
+        if self._goal is None:
             return None
-        return self._goal
+        low = self._goal.p[2] or 0.0
+        if self.make is Make.PX4 and abs(low) < _WANDERS_M:
+            return replace(self._goal, p=(*self._goal.p[:2], _WANDERS_M))
+        return None if self.landed and low < 0.02 else self._goal
 
     # What it is sent
 

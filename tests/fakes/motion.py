@@ -8,13 +8,18 @@ Vector = tuple[float, float, float]
 STILL: Vector = (0.0, 0.0, 0.0)
 
 _STIFFNESS, _DAMPING = 36.0, 12.0  # 1/s², 1/s: critically damped
-_SLOW, _LAG_S = (
-    (2.0, 2.0),
-    0.3,
-)  # of ArduCopter's firmware, from how it follows a step and a ramp (tests.firmware.flown)
 _MOST_ACCELERATION = 8.0  # m/s²: a tilt of 40 degrees
 _DRAG = 0.3  # 1/s
 _HARD_MPS = 1.5  # who meets the floor faster than this has fallen
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How late somebody follows along the floor: stiffness [1/s²], damping [1/s], and how long until it is tilted [s]."""
+
+    stiffness: float = _STIFFNESS
+    damping: float = _DAMPING
+    tilt_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -29,15 +34,14 @@ class Goal:
 
 @dataclass
 class Motion:
-    """Where it is, in metres, z up; ``fell``: how fast it met the floor when that was too fast [m/s]; ``lags``: along the floor
-    it follows as late, and swings as far, as ArduCopter as it comes."""
+    """Where it is, in metres, z up; ``fell``: how fast it met the floor when that was too fast [m/s]."""
 
     p: Vector
     v: Vector = STILL
     a: Vector = STILL
     yaw: float = 0.0
     fell: float = 0.0
-    lags: bool = False
+    lag: Lag = Lag()
 
     def fly(self, goal: Goal, dt: float) -> None:
         """Follow ``goal`` for ``dt``. Where it says None, speed is followed (drifting, where that is zero)."""
@@ -45,13 +49,13 @@ class Motion:
         for axis, (p, v, to_p, to_v, to_a) in enumerate(
             zip(self.p, self.v, goal.p, goal.v, goal.a, strict=True)
         ):
-            stiffness, damping = _SLOW if self.lags and axis < 2 else (_STIFFNESS, _DAMPING)
+            lag = self.lag if axis < 2 else Lag()
             if to_p is None:
-                wanted.append(-_DRAG * v if to_v == 0.0 else to_a + damping * (to_v - v))
+                wanted.append(-_DRAG * v if to_v == 0.0 else to_a + lag.damping * (to_v - v))
             else:
-                wanted.append(to_a + stiffness * (to_p - p) + damping * (to_v - v))
-        if self.lags:
-            share = min(1.0, dt / _LAG_S)
+                wanted.append(to_a + lag.stiffness * (to_p - p) + lag.damping * (to_v - v))
+        if self.lag.tilt_s:
+            share = min(1.0, dt / self.lag.tilt_s)
             wanted[:2] = [a + share * (to_a - a) for a, to_a in zip(self.a, wanted[:2], strict=False)]
         size = math.hypot(*wanted)
         factor = min(1.0, _MOST_ACCELERATION / size) if size else 1.0

@@ -12,11 +12,11 @@ from tests.fakes.autopilot import Make
 _NEVER = math.inf
 #: At the latest; PX4 and ArduPilot.
 WITHIN = {
-    "its drone's process is killed": (Told(_NEVER, 0.6, 0.5, 3.5), Told(_NEVER, 1.2, 3.0, 13.0)),
-    "its drone hangs": (Told(0.17, 0.5, 1.02, 4.0), Told(0.17, 1.2, 1.02, 8.0)),
-    "its link is dead": (Told(0.17, 0.6, 0.5, 3.5), Told(0.17, 1.2, 3.0, 13.0)),
+    "its drone's process is killed": (Told(_NEVER, 1.6, 0.5, 8.0), Told(_NEVER, 1.2, 3.0, 13.0)),
+    "its drone hangs": (Told(0.17, 1.2, 1.02, 8.0),) * 2,
+    "its link is dead": (Told(0.17, 1.6, 0.5, 8.0), Told(0.17, 1.2, 3.0, 13.0)),
     "a pilot takes it": (Told(0.22, 10.0, _NEVER, _NEVER),) * 2,
-    "`land` is ordered": (Told(0.02, 0.5, 0.02, 3.0), Told(0.02, 1.2, 0.02, 7.0)),
+    "`land` is ordered": (Told(0.02, 1.2, 0.02, 7.0),) * 2,
     "`kill` is ordered": (Told(0.02, 0.7, _NEVER, 0.7),) * 2,
 }
 

@@ -73,6 +73,21 @@ def test_who_stands_armed_is_disarmed_by_whatever_speaks_against_flying() -> Non
         assert flown(change, begin=Pilot(Phase.ARMED)) == [Phase.GROUND]
 
 
+def test_a_vehicle_that_disarms_itself_is_on_the_ground_again() -> None:
+    armed = STANDING._replace(phase=Phase.ARMED)
+    after = step(armed, CALM._replace(disarmed=True), PATIENCE)
+    assert (after.phase, after.reasons) == (
+        Phase.GROUND, ("the vehicle disarmed itself: take off sooner after arming",),
+    )  # fmt: skip
+
+
+def test_one_that_does_not_leave_the_ground_does_not_do_so_later() -> None:
+    climbs = STANDING._replace(phase=Phase.CLIMB)
+    assert step(climbs, CALM._replace(now=4.9), PATIENCE).phase is Phase.CLIMB
+    after = step(climbs, CALM._replace(now=5.1), PATIENCE)
+    assert (after.phase, after.reasons) == (Phase.LAND, ("the vehicle does not leave the ground",))
+
+
 def test_who_holds_lands_after_a_while_and_after_an_abort_soon() -> None:
     held = step(Pilot(Phase.FLY), CALM._replace(order=Order.HOLD, mode=Mode.FOLLOW), PATIENCE)
     assert (held.phase, held.land_at) == (Phase.HOLD, 10.0)
