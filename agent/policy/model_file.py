@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from agent.observation import WIDE_SIZE
 from protocols.errors import SwarmError
+from protocols.foreign_file import read_file
 from protocols.mission.document import explain
 from protocols.wire.frames import OBSERVATION_SIZE
 from protocols.wire.planned import LONGEST
@@ -120,7 +121,7 @@ def read_model(path: Path) -> Model:
 def _read(path: Path, _model: tuple[int, int], _note: tuple[int, int]) -> Model:
     note_path = note_of(path)
     try:
-        data, text = path.read_bytes(), note_path.read_bytes()
+        data, text = read_file(path), read_file(note_path)
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read ({error.strerror})") from None
     try:

@@ -19,6 +19,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from protocols.foreign_file import read_file
+
 PREFIX = "_rsc_swarm_policy_"
 
 
@@ -81,14 +83,14 @@ def files_with(module: ModuleType) -> list[Path]:
 
 def _read_all(path: Path) -> _Texts:
     """The file and all beside it that belong to it."""
-    folder, texts = path.parent, {"": _Text(path, path.read_bytes())}
+    folder, texts = path.parent, {"": _Text(path, read_file(path))}
     unseen = [""]
     while unseen:
         name = unseen.pop()
         for imported in _imported(name, texts[name]):
             for part, file in _files(folder, imported):
                 if part not in texts:
-                    texts[part] = _Text(file, file.read_bytes())
+                    texts[part] = _Text(file, read_file(file))
                     unseen.append(part)
     return dict(sorted(texts.items()))
 

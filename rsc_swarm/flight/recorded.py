@@ -43,7 +43,7 @@ class Recorded:
         if not fits or not all(np.isfinite(part).all() for part in numbers) or path.tick_s <= 0:
             raise RunDirError(f"{folder.trajectory}: is not the flight of the mission beside it")
         try:
-            report = FlightReport.model_validate_json(folder.report.read_bytes())
+            report = FlightReport.model_validate_json(folder.told())
         except (OSError, ValidationError):
             told = (ended.failure or "in formation beyond the goal line").replace("-", " ")
             return cls(

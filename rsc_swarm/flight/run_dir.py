@@ -12,6 +12,7 @@
 A directory that already holds a flight is used again only if that is asked for; one that holds anything else is refused.
 """
 
+import errno
 import fcntl
 import os
 import shutil
@@ -25,6 +26,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from protocols.errors import SwarmError
+from protocols.foreign_file import read_file
 from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.fault import Fault
 from protocols.mission.policy_name import file_of, named_by
@@ -176,6 +178,16 @@ class RunDir:
                 f"{self.path}: no flight recorded here; simulate or launch with --run-dir makes one"
             )
 
+    def told(self) -> bytes:
+        """Its report.
+
+        Raises:
+            OSError: there is none, or it cannot be read.
+        """
+        if not self.report.is_file():
+            raise FileNotFoundError(errno.ENOENT, "no report")
+        return read_file(self.report)
+
     def ended(self) -> Ended:
         """How the flight in here ended; as interrupted if nobody came to write its report.
 
@@ -185,14 +197,14 @@ class RunDir:
         if not self.report.is_file():
             return Ended(None, "interrupted")
         try:
-            return _ENDED.validate_json(self.report.read_bytes())
+            return _ENDED.validate_json(self.told())
         except (ValidationError, OSError):
             raise RunDirError(f"{self.report}: is not the report of a flight") from None
 
     def _is_ours(self) -> bool:
         try:
             with self.mission.open(encoding="utf-8") as file:
-                return file.readline() == _MARK
+                return file.readline(len(_MARK)) == _MARK
         except (OSError, UnicodeDecodeError):
             return False
 

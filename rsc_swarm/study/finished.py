@@ -39,6 +39,8 @@ class Journal(ABC, Generic[_Key, _Record]):
             FinishedFlightsError: another command is writing it, or it cannot be opened.
         """
         self.path = path
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise FinishedFlightsError(f"{path}: is no file; give another place, or remove it")
         try:
             self._file = path.open("a+", encoding="utf-8", errors="replace")
         except OSError as error:

@@ -13,6 +13,7 @@ from google.protobuf.message import DecodeError
 
 from agent.policy.model_file import ModelFileError, ModelNote, Shapes, note_of, parse_note
 from protocols.errors import ExitCode, SwarmError
+from protocols.foreign_file import read_file
 from protocols.whole_file import write_whole
 
 
@@ -24,7 +25,7 @@ def describe(path: Path) -> ModelNote:
         protocols.whole_file.WriteError: the note cannot be written.
     """
     try:
-        data = path.read_bytes()
+        data = read_file(path)
         document = onnx.load_from_string(data)
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read ({error.strerror})") from None

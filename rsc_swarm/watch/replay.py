@@ -58,7 +58,7 @@ def _report(folder: RunDir) -> dict[str, Any] | None:
     if not folder.report.is_file():
         return None
     folder.ended()  # refuses what is no report
-    report: dict[str, Any] = json.loads(folder.report.read_bytes())
+    report: dict[str, Any] = json.loads(folder.told())
     return report
 
 

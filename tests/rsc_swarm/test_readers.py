@@ -139,3 +139,14 @@ def test_a_journal_keeps_what_is_good_beside_what_is_not(garbage: bytes, tmp_pat
 def test_a_journal_that_cannot_be_had_is_named(tmp_path: Path) -> None:
     with pytest.raises(FinishedFlightsError, match=rf"^{tmp_path}: cannot be written \(Is a directory\)"):
         FinishedFlights(tmp_path)
+
+
+def test_what_never_ends_is_refused(tmp_path: Path) -> None:
+    for name in ("curve.jsonl", "table.json", "journal.jsonl"):
+        (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(PlotError, match=r"curve.jsonl: cannot be read \(it is longer than 256 MiB\)"):
+        read_curve(tmp_path)
+    with pytest.raises(TableError, match=r"table.json: cannot be read \(it is longer than 256 MiB\)"):
+        read_table(tmp_path / "table.json")
+    with pytest.raises(FinishedFlightsError, match=r"journal.jsonl: is no file"):
+        FinishedFlights(tmp_path / "journal.jsonl")

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import subprocess
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from protocols.mission.document import Mission, parse_mission, read_mission_fiel
 from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.provenance import provenance
+from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import report_of
 from rsc_swarm.flight.run_dir import Ended, RunDir, RunDirError
 from rsc_swarm.show.render import plain, render
@@ -183,3 +185,28 @@ def test_a_flight_that_another_run_has_just_finished_there_is_not_overwritten(tm
     with pytest.raises(RunDirError, match="holds a flight already"):
         RunDir(folder).begin(SMALL)
     assert (folder / "report.json").exists()
+
+
+@pytest.mark.parametrize("what", ["endless", "a pipe", "a folder", "itself"])
+@pytest.mark.parametrize("name", ["mission", "trajectory", "report", "events"])
+def test_of_what_is_no_file_a_flight_is_read_or_refused_at_once(name, what, tmp_path):
+    """It was copied from somewhere, or somebody wants to know what happens."""
+    folder = RunDir(tmp_path / "flight")
+    folder.begin(SMALL)
+    recorder = Recorder(SMALL)
+    flown = fly(SMALL, recorder=recorder)
+    folder.save_path(recorder.trajectory, recorder.mission, end_of(flown, SMALL))
+    folder.finish(report_of(flown, SMALL, "simulate", "lockstep", ""), "")
+    file = getattr(folder, name)
+    file.unlink()
+    if what == "a folder":
+        file.mkdir()
+    elif what == "a pipe":
+        os.mkfifo(file)
+    else:
+        file.symlink_to("/dev/zero" if what == "endless" else file)
+    if name in ("report", "events"):
+        assert Recorded.load(folder).mission == SMALL
+        return
+    with pytest.raises(RunDirError, match=r"no flight recorded here"):
+        Recorded.load(folder)

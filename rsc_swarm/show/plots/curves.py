@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from protocols.foreign_file import read_file
 from rsc_swarm.show.plots.style import FAINT, INK, LINES, ROCK, PlotError, bare, look, new_figure, save
 from rsc_swarm.study.tables.result import RowResult, TableResult
 
@@ -131,7 +132,7 @@ def read_curve(folder: Path) -> list[dict[str, float | None]]:
     """
     path = folder / "curve.jsonl"
     try:
-        texts = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        texts = [line for line in read_file(path).decode().splitlines() if line.strip()]
         lines = [_SCALARS.validate_json(text, strict=True) for text in texts]
         if lines and all(line.get("updates") is not None for line in lines):
             return lines

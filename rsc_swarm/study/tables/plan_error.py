@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from agent.policy.model_file import SHIPPED
 from protocols.errors import SwarmError
+from protocols.foreign_file import read_file
 from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import write_whole
 from rsc_swarm.batch.batch import check_flyable
@@ -43,7 +44,7 @@ def accuracy_of(
     )
     if kept.is_file():
         with suppress(ValidationError, OSError):  # what cannot be read is measured anew
-            return Accuracy.model_validate_json(kept.read_bytes())
+            return Accuracy.model_validate_json(read_file(kept))
     if executor:
         measured = _measured(executor, model, mission, maps)
     else:  # in a process of its own: one that has run a model must not be forked, and the next row forks

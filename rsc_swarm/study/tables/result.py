@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from protocols.errors import SwarmError
+from protocols.foreign_file import read_file
 from protocols.whole_file import write_whole
 from rsc_swarm.flight.provenance import commit
 from rsc_swarm.options import MissionOptions, command_line
@@ -155,7 +156,7 @@ def read_table(path: Path) -> TableResult:
         TableError: the file is missing or holds something else.
     """
     try:
-        return TableResult.model_validate_json(path.read_bytes())
+        return TableResult.model_validate_json(read_file(path))
     except OSError as error:
         raise TableError(f"{path}: cannot be read ({error.strerror})") from None
     except ValidationError:
