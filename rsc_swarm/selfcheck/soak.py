@@ -34,10 +34,14 @@ class Growth:
 
     @property
     def memory(self) -> float:
-        """How much more memory the last third of the launches took than the first, relative, at their medians."""
+        """How much more memory the last third took than the third before it, relative, at their medians: what grows at first, as
+        caches do, need not grow for ever."""
         third = max(1, len(self.sizes) // 3)
-        first, last = ([size.bytes for size in part] for part in (self.sizes[:third], self.sizes[-third:]))
-        return median(last) / median(first) - 1.0
+        before, last = (
+            [size.bytes for size in part]
+            for part in (self.sizes[-2 * third : -third] or self.sizes, self.sizes[-third:])
+        )
+        return median(last) / median(before) - 1.0
 
     @property
     def files(self) -> tuple[int, int]:
@@ -81,7 +85,7 @@ def soak(minutes: float, say: Callable[[str], None]) -> tuple[int, list[Growth]]
 
 
 def _one(mission: Mission) -> tuple[Size, Size, list[Size]]:
-    """Launch once: sizes of the world and, added up, of the drones near the end; and of all of them, again and again."""
+    """Launch once: sizes of the world and, added up, of the drones in the middle; and of all of them, again and again."""
     taken: list[tuple[Size, Size]] = []
 
     def weigh(picture: Snapshot) -> None:
@@ -92,7 +96,7 @@ def _one(mission: Mission) -> tuple[Size, Size, list[Size]]:
                 taken.append((sizes[0], _sum(sizes[1:])))
 
     launch(mission, on_snapshot=weigh).whole()
-    world, drones = taken[-2]  # at the very last some may be leaving
+    world, drones = taken[len(taken) // 2]  # in the end some are leaving
     return world, drones, [_sum(pair) for pair in taken[:-1]]
 
 
