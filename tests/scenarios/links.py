@@ -52,16 +52,16 @@ def measure(protocol: str, loss: float, parted_s: float = 0.0) -> Measured:
                 link = AirLink("rsc", end, keys.get(user(me)), _PEERS)
                 (Path(folder) / f"{me}.up").touch()
                 time.sleep(4.0)  # until all are linked
-                said_us = []
+                said_us, came = [], []
                 for _ in range(beacons):
                     said_us.append(time.time_ns() // 1000)
                     link.say("beacon", said_us[-1].to_bytes(8, "big") + bytes(_BYTES - 8))
                     time.sleep(_EVERY_S)
+                    came += link.hear()
                 np.save(Path(folder) / f"said-{me}.npy", np.array(said_us))
                 time.sleep(2.0)
-                heard = [
-                    (int(said.who), int.from_bytes(said.data[:8], "big"), said.at_us) for said in link.hear()
-                ]
+                came += link.hear()
+                heard = [(int(said.who), int.from_bytes(said.data[:8], "big"), said.at_us) for said in came]
                 np.save(
                     Path(folder) / f"{me}.npy",
                     np.array([row for row in heard if row[0] != me]).reshape(-1, 3),
