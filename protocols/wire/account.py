@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
+from protocols.printable import printable
 from protocols.wire.keys import MAX_AGENTS
 
 MAX_ACCOUNT_BYTES = 16384
@@ -12,8 +13,8 @@ _LONGEST = 200
 
 
 def shown(text: str) -> str:
-    """As a text may stand in an account, and on an operator's terminal: nothing in it does anything there."""
-    return "".join(char if char.isprintable() else "?" for char in text[:_LONGEST])
+    """As a text may stand in an account."""
+    return printable(text[:_LONGEST])
 
 
 def _checked(text: str) -> str:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
+from protocols.printable import Printable
 from protocols.wire.frames import REASONS
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.policy_facts import policy_facts
@@ -47,7 +48,7 @@ class FrameCounts(_Part):
     dropped: Dropped
     held_back: int = Field(description="frames delayed behind later ones")
     doubled: int = Field(description="frames that arrived twice")
-    rejected: dict[str, int] = Field(description="frames that drones refused to believe, by reason")
+    rejected: dict[Printable, int] = Field(description="frames that drones refused to believe, by reason")
 
 
 class StruckOff(_Part):
@@ -55,7 +56,7 @@ class StruckOff(_Part):
 
     agent: int
     at_s: float
-    why: str
+    why: Printable
 
 
 class CommandFigures(_Part):
@@ -92,7 +93,7 @@ class SwapTotals(_Part):
 class WatchCounts(_Part):
     """What must hold among the drones' views of who is in which slot, and how long they differed."""
 
-    breach: str | None = Field(description="the first broken invariant; null if all held")
+    breach: Printable | None = Field(description="the first broken invariant; null if all held")
     views_differ_s: float = Field(description="time during which not all living drones had the same view")
     agreed_after_s: float | None = Field(
         description="from the last fault (or start) until all had one view; null if they never had"
@@ -114,14 +115,14 @@ class FlightReport(_Part):
     failure: Failure | None = Field(
         description="null after a success; else what ended the flight; broken: the run says nothing about the controller"
     )
-    detail: str = Field(description="the outcome as a sentence: who, where, when")
+    detail: Printable = Field(description="the outcome as a sentence: who, where, when")
     struck_off: tuple[StruckOff, ...] = Field(
         description="drones taken out of the flight without the mission's doing (agent, at_s, why); they break the run"
     )
     rest_succeeded: bool | None = Field(
         description="in a run that broke: whether those who were left succeeded; else null"
     )
-    rest_failure: str | None = Field(
+    rest_failure: Printable | None = Field(
         description="in a run that broke: what else ended the flight of those who were left"
     )
     tau_s: float | None = Field(
@@ -139,7 +140,7 @@ class FlightReport(_Part):
     min_distance_m: float | None = Field(
         description="smallest distance between two drones or a drone and an obstacle's surface"
     )
-    closest: str = Field(description="who came that close, where and when")
+    closest: Printable = Field(description="who came that close, where and when")
     paper_tau_s: float | None = Field(
         None, description="time of the paper's success, whichever decides; null if there was none"
     )
@@ -172,8 +173,8 @@ class FlightReport(_Part):
     commands: CommandFigures | None = Field(
         description="how fresh the commands were by which drones flew; null in lockstep, where none is late"
     )
-    digest: str = Field(description="hash of every tick's state; equal digests are equal flights")
-    policy: str = Field(description="the controller")
+    digest: Printable = Field(description="hash of every tick's state; equal digests are equal flights")
+    policy: Printable = Field(description="the controller")
     map_seed: int = Field(description="seed of the obstacles")
     seed: int = Field(description="seed of start places, radio and slots")
     clock: Literal["lockstep", "realtime"] = Field(description="repeatable, or 100 Hz on the wall clock")
@@ -188,7 +189,7 @@ class FlightReport(_Part):
     )
     watch: WatchCounts
     flown_with: Provenance
-    again: str = Field(description="the command that flies this flight again, in any folder")
+    again: Printable = Field(description="the command that flies this flight again, in any folder")
     mission: dict[str, Any] = Field(description="the mission, every field")
 
 

@@ -61,6 +61,8 @@ def _type(kind: object) -> str:
     if isinstance(kind, type) and kind in _NAMES:
         return _NAMES[kind]
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if origin is typing.Annotated:
+        return _type(inner[0])
     if origin is typing.Literal:
         return ", ".join(f"`{value}`" for value in inner)
     if origin in (typing.Union, types.UnionType):

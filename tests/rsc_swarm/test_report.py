@@ -50,6 +50,15 @@ def test_a_report_survives_json(report):
     assert json.loads(json_schema(FlightReport))["additionalProperties"] is False
 
 
+def test_what_a_stranger_wrote_does_nothing_on_a_terminal(report):
+    clears = "\x1b[2J"
+    theirs = report.model_copy(
+        update={"detail": f"all well{clears}", "closest": clears, "again": f"run\n{clears}"}
+    )
+    read = FlightReport.model_validate_json(theirs.model_dump_json())
+    assert (read.detail, read.closest, read.again) == ("all well?[2J", "?[2J", "run??[2J")
+
+
 def test_it_adds_up(report):
     frames = report.frames
     assert report.success

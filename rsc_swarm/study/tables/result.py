@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from protocols.errors import SwarmError
 from protocols.foreign_file import read_file
+from protocols.printable import Printable
 from protocols.whole_file import write_whole
 from rsc_swarm.flight.provenance import commit
 from rsc_swarm.options import MissionOptions, command_line
@@ -36,12 +37,12 @@ class RowResult(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    key: str = Field(description="the words by which --rows finds the row")
-    place: str = Field(description="where it was flown; empty if the table has one place only")
-    name: str = Field(description="the controller")
-    way: str = Field(description="how it was flown")
+    key: Printable = Field(description="the words by which --rows finds the row")
+    place: Printable = Field(description="where it was flown; empty if the table has one place only")
+    name: Printable = Field(description="the controller")
+    way: Printable = Field(description="how it was flown")
     agents: int
-    policy: str
+    policy: Printable
     paper: Paper | None = Field(description="what the paper reports: S and D in %, tau in s, MAE in 1e-4 m")
     runs: int
     success_rate: float
@@ -76,12 +77,12 @@ class RowResult(BaseModel):
     accuracy: Accuracy | None = Field(description="null for a controller that foretells nothing")
     maps: tuple[int, int] = Field(description="first and last map seed")
     starts: int
-    failures: dict[str, list[int]] = Field(
+    failures: dict[Printable, list[int]] = Field(
         description="start seeds of failed flights, by failure; map = seed // 1000"
     )
-    command: str = Field(description="flies this row alone")
-    code: str = Field(description="fingerprint of mission and code")
-    commit: str | None = Field(
+    command: Printable = Field(description="flies this row alone")
+    code: Printable = Field(description="fingerprint of mission and code")
+    commit: Printable | None = Field(
         None,
         description="of the checkout that flew it (rsc_swarm.flight.provenance); null likewise, or if it was no checkout",
     )
@@ -99,13 +100,13 @@ class TableResult(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     table: Annotated[str, AfterValidator(_known)]
-    title: str
+    title: Printable
     rows: Annotated[tuple[RowResult, ...], Field(min_length=1)]
 
 
 def row_result(row: Row, flown: Evaluation, accuracy: Accuracy | None) -> RowResult:
     """What stands in the table for ``row``."""
-    failures: dict[str, list[int]] = {}
+    failures: dict[Printable, list[int]] = {}
     for failed in flown.failures:
         failures.setdefault(failed.failure, []).append(failed.seed)
     same = flown.model_dump(
