@@ -1,4 +1,4 @@
-"""Text of others, as it may stand on a terminal: nothing in it does anything there."""
+"""Text of others: a terminal shows it and does not obey. Names and files may hold anything."""
 
 from typing import Annotated
 
@@ -6,8 +6,12 @@ from pydantic import AfterValidator
 
 
 def printable(text: str) -> str:
-    """``text`` with a question mark for whatever cannot be printed: escape sequences, line ends."""
-    return text if text.isprintable() else "".join(char if char.isprintable() else "?" for char in text)
+    """``text`` with what cannot be printed, such as escape sequences and line ends, spelled out."""
+    return (
+        text
+        if text.isprintable()
+        else "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+    )
 
 
 Printable = Annotated[str, AfterValidator(printable)]

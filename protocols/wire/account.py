@@ -14,7 +14,7 @@ _LONGEST = 200
 
 def shown(text: str) -> str:
     """As a text may stand in an account."""
-    return printable(text[:_LONGEST])
+    return printable(text)[:_LONGEST]
 
 
 def _checked(text: str) -> str:

@@ -8,13 +8,13 @@ import threading
 from protocols.errors import ExitCode, SwarmError
 from rsc_swarm.machine.leaving import all_is_done, leave_at_once
 
+_IMPORTED = 100_000  # objects
+
 
 def main() -> None:
     """The ``rsc-swarm`` command: whatever goes wrong is one line on stderr and an exit code."""
     leave_at_once()  # before anything is imported that takes time
-    gc.set_threshold(
-        100_000
-    )  # what is imported stays: to look through it for garbage takes a tenth of a start
+    _import_unsearched()
     from rsc_swarm.machine.streams import stand_by_streams
 
     stand_by_streams()
@@ -23,6 +23,20 @@ def main() -> None:
     if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
         os._exit(code)  # somebody's policy has a thread of its own, for which Python would wait
     sys.exit(code)
+
+
+def _import_unsearched() -> None:
+    """What is imported stays; to look through it for garbage, again and again, takes a tenth of a start. The first look comes
+    after as many objects as the largest command imports, and from then on it is as usual: a command may run for days."""
+    usual = gc.get_threshold()
+
+    def looked(phase: str, _: dict[str, int]) -> None:
+        if phase == "stop":
+            gc.callbacks.remove(looked)
+            gc.set_threshold(*usual)
+
+    gc.callbacks.append(looked)
+    gc.set_threshold(_IMPORTED)
 
 
 def _carry_out(words: list[str]) -> int:
@@ -43,10 +57,11 @@ def _carry_out(words: list[str]) -> int:
     except Exception as error:
         if os.environ.get("RSC_SWARM_TRACEBACK"):
             raise
+        from protocols.printable import printable
         from rsc_swarm.errors import line_of
 
         code, text = _explain(error)
-        print(line_of(error, _printable(text)), file=sys.stderr)
+        print(line_of(error, printable(text)), file=sys.stderr)
     return code if isinstance(code, int) else ExitCode.SUCCEEDED
 
 
@@ -61,11 +76,6 @@ def _is_text(word: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-def _printable(text: str) -> str:
-    """What a terminal shows and does not obey: names and files may hold anything."""
-    return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
 
 
 def _explain(error: Exception) -> tuple[ExitCode, str]:

@@ -56,7 +56,7 @@ def test_what_a_stranger_wrote_does_nothing_on_a_terminal(report):
         update={"detail": f"all well{clears}", "closest": clears, "again": f"run\n{clears}"}
     )
     read = FlightReport.model_validate_json(theirs.model_dump_json())
-    assert (read.detail, read.closest, read.again) == ("all well?[2J", "?[2J", "run??[2J")
+    assert (read.detail, read.closest, read.again) == (r"all well\x1b[2J", r"\x1b[2J", r"run\n\x1b[2J")
 
 
 def test_it_adds_up(report):
