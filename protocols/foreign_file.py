@@ -3,7 +3,7 @@
 import errno
 from pathlib import Path
 
-_MOST_BYTES = 256 << 20
+_MOST_BYTES, _PART_BYTES = 256 << 20, 1 << 20
 
 
 def read_file(path: Path, most: int = _MOST_BYTES) -> bytes:
@@ -12,8 +12,10 @@ def read_file(path: Path, most: int = _MOST_BYTES) -> bytes:
     Raises:
         OSError: it cannot be read, or is longer.
     """
+    data = bytearray()
     with path.open("rb") as file:
-        data = file.read(most + 1)
-    if len(data) > most:
-        raise OSError(errno.EFBIG, f"it is longer than {most >> 20} MiB")
-    return data
+        while part := file.read(_PART_BYTES):  # all at once would take as much memory as there may be
+            data += part
+            if len(data) > most:
+                raise OSError(errno.EFBIG, f"it is longer than {most >> 20} MiB")
+    return bytes(data)

@@ -134,7 +134,7 @@ def test_a_launcher_that_is_terminated_leaves_nothing(launch: Callable[[Fields],
 def test_a_finished_flight_leaves_its_logs_its_path_and_nothing_else(
     launch: Callable[[Fields], Launcher],
 ) -> None:
-    flight = launch({**ENDLESS, "fly_s": 5})
+    flight = launch({**ENDLESS, "fly_s": 30})
     assert flight.end()[0] == 0
     assert flight.is_gone_within(NOTHING_LEFT_S)
     run: Path = flight.here / "run"
