@@ -9,9 +9,8 @@ from pathlib import Path
 
 import psutil
 
-_STARTED = (
-    19  # place of the start, in clock ticks of the running machine, among what comes after a process's name
-)
+# Place of the start, in clock ticks since the machine was started, among what comes after a process's name.
+_STARTED = 19
 
 
 def process(pid: int) -> psutil.Process:

@@ -34,14 +34,10 @@ class Growth:
 
     @property
     def memory(self) -> float:
-        """How much more memory the last third took than the third before it, relative, at their medians: what grows at first, as
-        caches do, need not grow for ever."""
+        """How much more memory the last third of the launches took than the first, relative, at their medians."""
         third = max(1, len(self.sizes) // 3)
-        before, last = (
-            [size.bytes for size in part]
-            for part in (self.sizes[-2 * third : -third] or self.sizes, self.sizes[-third:])
-        )
-        return median(last) / median(before) - 1.0
+        first, last = ([size.bytes for size in part] for part in (self.sizes[:third], self.sizes[-third:]))
+        return median(last) / median(first) - 1.0
 
     @property
     def files(self) -> tuple[int, int]:
