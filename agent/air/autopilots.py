@@ -38,7 +38,8 @@ class Profile:
     Attributes:
         number: in its heartbeat (MAV_AUTOPILOT). led, land: its custom modes. streams_first_s: how long setpoints have to come
         before it is led. climbs: by a command, not by setpoints. integers_as_bytes: how it sends those of its parameters.
-        stations_matter: its failsafe hears heartbeats of ground stations. wanted: what has to be set for its failsafe to be one.
+        stations_matter: its failsafe hears heartbeats of ground stations. estimate: number of the message in which its estimator
+        says what it knows. wanted: what has to be set for its failsafe to be one.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Profile:
     climbs: bool
     integers_as_bytes: bool
     stations_matter: bool
+    estimate: int
     wanted: tuple[Wanted, ...]
 
     def mode_numbers(self, custom_mode: int) -> tuple[int, ...]:
@@ -57,14 +59,14 @@ class Profile:
 
 
 PX4 = Profile(
-    "px4", 12, 6 << 16, 4 << 16 | 6 << 24, 1.2, False, True, False,
+    "px4", 12, 6 << 16, 4 << 16 | 6 << 24, 1.2, False, True, False, 230,
     (
         Wanted("COM_OF_LOSS_T", 0.0, 1.0, "so many seconds after the last setpoint its failsafe acts"),
         Wanted("COM_OBL_RC_ACT", 4, 4, "it lands when setpoints stop"),
     ),
 )  # fmt: skip
 ARDUPILOT = Profile(
-    "ardupilot", 3, 4, 9, 0.0, True, False, True,
+    "ardupilot", 3, 4, 9, 0.0, True, False, True, 193,
     (
         Wanted("GUID_TIMEOUT", 0.1, 0.5, "so many seconds after the last setpoint it stops"),
         Wanted("FS_GCS_ENABLE", 5, 5, "it lands when this computer falls silent"),

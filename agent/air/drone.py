@@ -80,6 +80,7 @@ class AirDrone:
         self._word_at: float | None = None
         self._go: int | None = None  # tick of UTC
         self._before: tuple[State, float] | None = None  # as the vehicle said, and when
+        self._low_since = math.inf  # its battery
         self._astray = (0.0, 0.0, 0.0)  # by which what it says of its position has jumped in this flight
         self._stand = Setpoint((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._asked_at = 0.0
@@ -198,6 +199,8 @@ class AirDrone:
         elif self.pilot.phase not in IN_FLIGHT:
             self._astray = (0.0, 0.0, 0.0)
         self._before = said, now
+        low = said.battery < self.plan.fleet.guard.battery_land
+        self._low_since = min(self._low_since, now) if low else math.inf
         return replace(said, p=_minus(said.p, self._astray)) if any(self._astray) else said, length
 
     def _judge(self, state: State, jump_m: float, setpoint: Setpoint | None, now: float) -> Verdict:
@@ -205,7 +208,7 @@ class AirDrone:
             state, jump_m, setpoint, self._contacts.movers(now), self._obstacles.discs,
             self._contacts.few_s(self.plan.mission.agents - 1, now),
             None if self._word_at is None else now - self._word_at,
-            self._contacts.clock_s(now),
+            self._contacts.clock_s(now), max(0.0, now - self._low_since),
         )  # fmt: skip
         return judge(seen, self._bounds)
 

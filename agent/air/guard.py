@@ -1,7 +1,7 @@
 """The guard: may a drone go on? A pure function of what is known of it and around it, asked every tick of a flight.
 
     kill   it has turned over
-    land   far out of the fence; its position, its clock or the operator long lost; battery low; tilted
+    land   far out of the fence; its position, its clock or the operator long lost; battery low for longer than it sags; tilted
     hold   out of the fence, or about to be; its position old, or moved at once; its clock off; fewer than half of the others
            heard; the operator not heard; about to hit something in spite of the safety filter; asked to fly where it is not
 
@@ -50,7 +50,8 @@ class Situation(NamedTuple):
 
     jump_m: how far its position has moved at once. setpoint: what it is about to be told; None: nothing. movers: the drones
     that fly. obstacles: that are known. peers_s, operator_s: since half of the others, and the operator, were heard; None: there
-    are none to hear. clock_s: this clock minus the median of the others; None: unknown.
+    are none to hear. clock_s: this clock minus the median of the others; None: unknown. low_s: for how long its battery has been
+    below what makes it land; 0: it is not.
     """
 
     state: State
@@ -61,6 +62,7 @@ class Situation(NamedTuple):
     peers_s: float | None
     operator_s: float | None
     clock_s: float | None
+    low_s: float = 0.0
 
 
 class Bounds(NamedTuple):
@@ -138,8 +140,8 @@ def _others(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
 
 def _vehicle(seen: Situation, bounds: Bounds) -> Iterator[Finding]:
     state, guard = seen.state, bounds.guard
-    if state.battery < guard.battery_land:
-        yield Action.LAND, f"battery at {100 * state.battery:.0f} %"
+    if seen.low_s > guard.battery_land_s:
+        yield Action.LAND, f"battery at {100 * state.battery:.0f} % for {seen.low_s:.1f} s"
     tilt = math.degrees(state.tilt)
     if tilt > guard.tilt_kill_deg:
         yield Action.KILL, f"turned over ({tilt:.0f} degrees)"

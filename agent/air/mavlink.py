@@ -33,13 +33,14 @@ from protocols.wire.vehicles import Kind, Order
 _CONNECTION = re.compile(r"(udpin|udpout|tcp):[^:/?\s]+:\d{1,5}|serial:/[^:?\s]+:\d{1,8}", re.ASCII)
 _SYSTEM, _COMPONENT = 255, 191  # a ground station's number: ArduPilot's failsafe counts its heartbeats
 _STATION_S = 5.0  # a ground station speaks once a second
-_HEARTBEAT_S, _ASK_AGAIN_S, _SOON_S, _WAIT_S = 1.0, 0.5, 0.015, 0.005
+_HEARTBEAT_S, _ASK_AGAIN_S, _CHECK_S, _SOON_S, _WAIT_S = 1.0, 0.5, 3.0, 0.015, 0.005
 _ASKED_TIMES = 3  # one may be lost
 _MOST_MESSAGES = 500  # read at one look
 # Messages by their numbers, and how often they are wanted: heartbeat, status, attitude, local position, extended state.
 _STREAMS_HZ = {0: 5, 1: 2, 30: 25, 32: 50, 245: 5}
 _IGNORE_YAW_RATE, _LOCAL_NED = 2048, 1
-_SET_MODE, _ARM_DISARM, _TAKE_OFF, _SET_INTERVAL, _SAY = 176, 400, 22, 511, 512  # MAV_CMD
+_SET_MODE, _ARM_DISARM, _TAKE_OFF, _CHECK, _SET_INTERVAL, _SAY = 176, 400, 22, 401, 511, 512  # MAV_CMD
+_ESTIMATE_HZ = 5
 _ORIGIN = 49  # number of a message
 _FARTHEST_M = 1000.0  # between its origin and the room's
 _FORCE = 21196
@@ -81,7 +82,7 @@ class MavlinkVehicle(Ordered):
         room = self._origin and (self._origin[0] / 1e7, self._origin[1] / 1e7)
         self._heard = Telemetry(self._address.system, self._address.autopilot, rig.start, room)
         self._leader: Leader | None = None
-        self._heartbeat_at = self._asked_at = self._fly_at = -math.inf
+        self._heartbeat_at = self._asked_at = self._checked_at = self._fly_at = -math.inf
         self._asked_streams = 0
 
     # The port
@@ -89,9 +90,7 @@ class MavlinkVehicle(Ordered):
     def open(self, timeout_s: float) -> None:
         deadline = self._now() + timeout_s
         self._link = self._connect(self._address.connection)
-        while not (
-            self._leader and self._now() - self._heard.measured_at < 1.0 and not self._heard.unknown()
-        ):
+        while not (self._leader and self._now() - self._heard.said_at < 1.0 and not self._heard.unknown()):
             if self._now() > deadline:
                 self.close()
                 raise VehicleError(f"{self._name}: {self._what_is_missing()} within {timeout_s:g} s")
@@ -180,11 +179,19 @@ class MavlinkVehicle(Ordered):
         if self._origin and heard.lies is None:
             mav.set_gps_global_origin_send(heard.system, *self._origin)
             self._command(_SAY, _ORIGIN)
+        if heard.unready and not heard.armed and now - self._checked_at >= _CHECK_S:
+            self._checked_at = now
+            self._command(_CHECK)
         # At first in any case, for what comes by itself may come seldom: heartbeats, which tell who leads it, once a second.
         self._asked_streams += 1
-        if self._asked_streams <= _ASKED_TIMES or now - heard.measured_at > 1.0 or math.isnan(heard.battery):
+        if self._asked_streams <= _ASKED_TIMES or now - heard.said_at > 1.0 or math.isnan(heard.battery):
             # Its origin too, again and again: ArduPilot says that it took one, and takes that of its satellites later.
-            for number, hz in (_STREAMS_HZ | ({_ORIGIN: 1} if self._origin else {})).items():
+            streams = (
+                _STREAMS_HZ
+                | {self._leader.profile.estimate: _ESTIMATE_HZ}
+                | ({_ORIGIN: 1} if self._origin else {})
+            )
+            for number, hz in streams.items():
                 self._command(_SET_INTERVAL, number, 1e6 / hz)
 
     # What it says
@@ -211,7 +218,7 @@ class MavlinkVehicle(Ordered):
             return "no PX4 or ArduPilot is heard (is it on, and does it speak to this address?)"
         if self._heard.lies is None:
             return f"system {self._heard.system} says no origin of its place (has it enough satellites?)"
-        if self._heard.measured_at == -math.inf:
+        if self._heard.said_at == -math.inf:
             return f"system {self._heard.system} says no local position (does it know where it is?)"
         return f"system {self._heard.system} does not say what its parameter {self._heard.unknown()[0]} is"
 
@@ -219,6 +226,12 @@ class MavlinkVehicle(Ordered):
         ills, heard = [], self._heard
         if leader.taken:
             ills.append(f"a pilot or its own failsafe leads it (custom mode {heard.custom_mode})")
+        if not heard.sure(self._now()):
+            ills.append(
+                "its estimator does not know where it is: give it time, or look at what measures its position"
+            )
+        if heard.unready and not heard.armed:
+            ills.append(f"its own checks do not pass: {heard.check or 'it does not say which'}")
         if math.isnan(heard.battery):
             ills.append("it does not say how full its battery is")
         if heard.others and not self._address.system:

@@ -13,6 +13,10 @@ _AUTOPILOT, _NO_AUTOPILOT = 1, 8  # component; MAV_AUTOPILOT_INVALID
 _ARMED, _UNKNOWN_STATE, _ON_GROUND, _ARM_DISARM, _WARNING = 128, 0, 1, 400, 4
 _STATION = 6  # MAV_TYPE_GCS
 _INTEGERS = (1, 2, 3, 4, 5, 6)  # MAV_PARAM_TYPE
+# What its estimator knows: velocity and position along the ground, the latter by either; or it takes it that it stands still.
+_MOVES, _PLACED, _GUESSES = 2, 8 | 16, 128
+_PASSES = 1 << 28  # MAV_SYS_STATUS_PREARM_CHECK
+_UNSURE_S = 0.5  # a word that is taken back at once is none
 UNKNOWN = math.nan
 
 
@@ -22,8 +26,10 @@ class Telemetry:
     Attributes:
         system: its number; 0 before the first heartbeat. profile: which autopilot it is; None before that.
         custom_mode, armed, flying: as its heartbeats and its own judgment of the ground have it.
-        p, v [m, m/s], yaw, tilt [rad]: newest. measured_at [s]: when p came; an old one that is said again does not count.
+        p, v [m, m/s], yaw, tilt [rad]: newest. measured_at [s]: when p came; an old one that is said again does not count,
+        nor one that its estimator does not vouch for. said_at [s]: when any p came.
         battery: 0 to 1, or `UNKNOWN`. parameters: those that it was asked for. refusal: why it is not armed, in words, or empty.
+        unready: whether its own checks do not pass. check: what one of them says, or empty.
         lies: where the origin of its own frame lies in the room [m], east and north; None: not known yet. floor: how high it says
         that the ground is on which it stood last [m]: satellites are metres off in height, and drift. others: numbers of the
         other autopilots on this link. stations: when a ground station of each number was heard last [s].
@@ -37,10 +43,12 @@ class Telemetry:
         self.custom_mode, self.armed, self.flying = -1, False, False
         self.p, self.v = start, (0.0, 0.0, 0.0)
         self.yaw = self.tilt = 0.0
-        self.measured_at, self._boot_ms = -math.inf, -1
+        self.measured_at = self.said_at = -math.inf
+        self._boot_ms, self._unsure_since = -1, math.inf
         self.battery = UNKNOWN
         self.parameters: dict[str, float] = {}
-        self.refusal = ""
+        self.refusal = self.check = ""
+        self.unready = False
         self._room = room
         self.lies: Flat | None = None if room else (0.0, 0.0)
         self.floor, self._landed = 0.0, True
@@ -52,6 +60,10 @@ class Telemetry:
         return Seen(
             now, self.p, self.v, self.yaw, self.tilt, self.battery, self.armed, False, self.flying, False
         )
+
+    def sure(self, now: float) -> bool:
+        """Whether its estimator knows where it is; one that says nothing of that is believed."""
+        return now - self._unsure_since < _UNSURE_S
 
     def unknown(self) -> list[str]:
         """Names of the parameters that it has not told yet."""
@@ -77,6 +89,12 @@ class Telemetry:
         elif kind == "SYS_STATUS":
             percent = message.battery_remaining
             self.battery = percent / 100 if 0 <= percent <= 100 else UNKNOWN
+            failing = message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health
+            self.unready = bool(failing & _PASSES)
+            self.check = self.check if self.unready else ""
+        elif kind in ("ESTIMATOR_STATUS", "EKF_STATUS_REPORT"):
+            sure = message.flags & _MOVES and message.flags & _PLACED and not message.flags & _GUESSES
+            self._unsure_since = math.inf if sure else min(self._unsure_since, now)
         elif kind == "EXTENDED_SYS_STATE":
             self._landed = message.landed_state in (_UNKNOWN_STATE, _ON_GROUND)
             self.flying = self.armed and message.landed_state != _ON_GROUND
@@ -87,8 +105,10 @@ class Telemetry:
                 self.lies = way(self._room, (message.latitude / 1e7, message.longitude / 1e7))
         elif kind == "COMMAND_ACK" and message.command == _ARM_DISARM:
             self.refusal = "" if message.result == 0 else self.refusal or "it refuses to be armed"
-        elif kind == "STATUSTEXT" and self.refusal and message.severity <= _WARNING:
-            self.refusal = f"it refuses to be armed: {' '.join(message.text.split())}"
+        elif kind == "STATUSTEXT" and message.severity <= _WARNING:
+            text = " ".join(message.text.split())
+            self.check = text if self.unready else self.check
+            self.refusal = self.refusal and f"it refuses to be armed: {text}"
 
     def _take_heartbeat(self, message: Any, now: float) -> None:
         if message.type == _STATION:
@@ -119,7 +139,8 @@ class Telemetry:
             if self._room and self._landed and not self.armed:
                 self.floor = z
             self.p, self.v = (x + east, y + north, z - self.floor), ned_of(v)
-            self._boot_ms, self.measured_at = message.time_boot_ms, now
+            self._boot_ms, self.said_at = message.time_boot_ms, now
+            self.measured_at = now if self.sure(now) else self.measured_at
 
 
 def _value(message: Any, profile: Profile) -> float:

@@ -99,6 +99,9 @@ class Guard(Section):
     operator_land_s: Seconds = 10.0
     battery_arm: Probability = Field(0.5, description="below it no drone is armed")
     battery_land: Probability = 0.2
+    battery_land_s: Soon = Field(
+        2.0, description="below it for so long it lands: one sags while motors spin up"
+    )
     tilt_land_deg: Angle = 50.0
     tilt_kill_deg: Angle = Field(100.0, description="beyond it it has turned over: the motors are cut")
     setpoint_hold_s: Soon = Field(0.15, description="since the last setpoint: the vehicle's own failsafe")

@@ -35,7 +35,9 @@ _LOGGED = {
     "kalman.varPY": "FP16",
     "supervisor.info": "uint16_t",
 }
-_BATTERY = "pm.batteryLevel"  # firmware in the loop has none
+_VOLTS = "pm.vbat"  # firmware in the loop has none
+_EMPTY_V, _FULL_V = 3.7, 4.1  # of its one cell at rest
+_FLOWN_V, _FRESH_V = 3.0, 4.0  # with its motors on: at a fifth of the way its firmware calls it low
 
 
 class LineError(BrokenError, RuntimeError):
@@ -104,8 +106,8 @@ class Line:
             log = LogConfig("rsc", _LOG_PERIOD_MS)
             for name, form in _LOGGED.items():
                 log.add_variable(name, form)
-            if self._cf.log.toc.get_element_by_complete_name(_BATTERY):
-                log.add_variable(_BATTERY, "uint8_t")
+            if self._cf.log.toc.get_element_by_complete_name(_VOLTS):
+                log.add_variable(_VOLTS, "FP16")
             self._cf.log.add_config(log)
         except (KeyError, AttributeError) as error:
             self.close()
@@ -175,6 +177,7 @@ class Line:
         )
         roll, pitch, yaw = (math.radians(data[f"stateEstimate.{name}"]) for name in ("roll", "pitch", "yaw"))
         bits = int(data["supervisor.info"])
+        flying = bool(bits & _IS_FLYING)
         now = time.monotonic()
         if max(data["kalman.varPX"], data["kalman.varPY"]) < _UNSURE:
             self.sure_at = now
@@ -185,10 +188,10 @@ class Line:
             v=(vx, vy, vz),
             yaw=yaw,
             tilt=math.acos(max(-1.0, min(1.0, math.cos(roll) * math.cos(pitch)))),
-            battery=min(1.0, data.get(_BATTERY, 100) / 100),
+            battery=charge(data.get(_VOLTS, _FULL_V), flying),
             armed=bool(bits & _IS_ARMED),
             arms_itself=bool(bits & _ARMS_ITSELF),
-            flying=bool(bits & _IS_FLYING),
+            flying=flying,
             locked=bool(bits & _IS_LOCKED),
         )
         self._told()
@@ -202,6 +205,16 @@ class Line:
             if link is not None:
                 link.close()
             self._cf.close_link()
+
+
+def charge(volts: float, flying: bool) -> float:
+    """How full its battery is, 0 to 1, by its voltage.
+
+    Its firmware's own level (pm.batteryLevel) takes any for one at rest: in the air, where the motors pull it down by a third of
+    a volt, it says 10 % of one that is nearly full.
+    """
+    empty, full = (_FLOWN_V, _FRESH_V) if flying else (_EMPTY_V, _FULL_V)
+    return max(0.0, min(1.0, (volts - empty) / (full - empty)))
 
 
 def land(cf: Any, duration_s: float) -> None:

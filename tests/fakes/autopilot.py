@@ -59,7 +59,8 @@ class FakeAutopilot:
         frozen: it has no position any more, and says nothing of it. dead_link: nothing comes through. battery: 0 to 1.
         needs_position: it knows where it is only while it is told. parameters: its own. origin: latitude, longitude, altitude as
         MAVLink has them, or None. lies: where that is in the room, which is where it counts from. higher: by how much more its
-        satellites say that the floor is than the origin that it is given [m].
+        satellites say that the floor is than the origin that it is given [m]. guesses: its estimator does not know where it is.
+        fails: what one of its own checks says, or empty; PX4 says so only to a ground station.
     Attributes to look at:
         motion, custom_mode, armed; targets: how many setpoints it was sent; fell: in m/s.
     """
@@ -68,7 +69,8 @@ class FakeAutopilot:
         """``tuned``: its parameters are as they should be, not as they come."""
         self.make, self.motion = make, Motion(start, lag=make.lag)
         self.custom_mode, self.armed = make.wait, False
-        self.frozen = self.dead_link = self.needs_position = False
+        self.frozen = self.dead_link = self.needs_position = self.guesses = False
+        self.fails = ""
         self.battery, self.targets = 1.0, 0
         self.origin: tuple[int, int, int] | None = None
         self.lies: Vector = STILL
@@ -207,11 +209,19 @@ class FakeAutopilot:
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda _: mavlink.MAV_RESULT_ACCEPTED,
         }.get(message.command)
         if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             return self._its_origin() if message.param1 == 49 else []
         result = what(message) if what else mavlink.MAV_RESULT_UNSUPPORTED
-        return [mavlink.MAVLink_command_ack_message(message.command, result)]
+        ack = mavlink.MAVLink_command_ack_message(message.command, result)
+        if (
+            self.fails
+            and self.make is Make.ARDUPILOT
+            and message.command == mavlink.MAV_CMD_RUN_PREARM_CHECKS
+        ):
+            return [mavlink.MAVLink_statustext_message(2, f"PreArm: {self.fails}".encode()), ack]
+        return [ack]
 
     def _set_mode(self, message: Any) -> int:
         mode = (
@@ -241,7 +251,11 @@ class FakeAutopilot:
             self.armed, self._goal = False, None
             return int(mavlink.MAV_RESULT_ACCEPTED)
         if not (
-            self.custom_mode == self.make.led and self._streams and self._located and self.battery > 0.15
+            self.custom_mode == self.make.led
+            and self._streams
+            and self._located
+            and self.battery > 0.15
+            and not (self.guesses or self.fails)
         ):
             return int(mavlink.MAV_RESULT_DENIED)
         self.armed, self._armed_at = True, self._now
@@ -315,7 +329,16 @@ class FakeAutopilot:
             return mavlink.MAVLink_attitude_message(ms, roll, -pitch, math.pi / 2 - yaw, 0.0, 0.0, 0.0)
         if name == "SYS_STATUS":
             percent = round(100 * self.battery)
-            return mavlink.MAVLink_sys_status_message(0, 0, 0, 100, 12000, 100, percent, 0, 0, 0, 0, 0, 0)
+            checks = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self.make is Make.ARDUPILOT else 0
+            healthy = checks if not self.fails else 0
+            return mavlink.MAVLink_sys_status_message(
+                checks, checks, healthy, 100, 12000, 100, percent, 0, 0, 0, 0, 0, 0
+            )
+        flags = 0b10100100 if self.guesses else 0b1100111111  # as both firmwares said it
+        if name == "ESTIMATOR_STATUS" and self.make is Make.PX4:
+            return mavlink.MAVLink_estimator_status_message(ms, flags, *(0.0,) * 8)
+        if name == "EKF_STATUS_REPORT" and self.make is Make.ARDUPILOT:
+            return mavlink.MAVLink_ekf_status_report_message(flags, *(0.0,) * 5)
         if name == "GPS_GLOBAL_ORIGIN" and self.origin:
             return mavlink.MAVLink_gps_global_origin_message(*self.origin)
         if name == "EXTENDED_SYS_STATE":

@@ -37,7 +37,7 @@ EXPECTED = {
     "time_of_day": Expected(None, 2.1, 5),
     "frozen": Expected(0.15, 0.5, 5),
     "jump": Expected(0.0, 10.0, 5),
-    "empty": Expected(None, 0.0, 5),
+    "empty": Expected(None, 2.0, 5),
     "tilted": Expected(None, 0.0, 5),
     "gust": Expected(0.4, 1.3, 5),
     "land": Expected(None, 0.1, 0),

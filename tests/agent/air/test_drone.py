@@ -83,3 +83,18 @@ def test_who_misses_a_fifth_of_its_ticks_is_not_armed_until_its_machine_has_time
     assert [drone.me for drone in hall.drones if drone.pilot.phase is Phase.GROUND] == [1]
     hall.wait(5.0)
     assert slow.complaints(slow.vehicle.state(), hall.now) == []
+
+
+@pytest.mark.parametrize(("lasts_s", "lands"), [(1.0, False), (3.0, True)])
+def test_a_battery_that_sags_for_a_moment_lands_nobody(lasts_s: float, lands: bool) -> None:
+    """As all do while motors spin up."""
+    hall = Hall(plan_of())
+    hall.go(0.0)
+    one = hall.vehicles[1]
+    one._battery, before = 0.1, one._battery
+    hall.wait(lasts_s)
+    one._battery = before
+    hall.wait(1.0)
+    assert (hall.drones[1].pilot.phase is Phase.LAND) == lands
+    if lands:
+        assert hall.drones[1].pilot.reasons == ("battery at 10 % for 2.0 s",)

@@ -57,7 +57,8 @@ CASES: list[tuple[str, Situation, Action, str]] = [
     ("peers lost", seen(peers_s=5.5), Action.HOLD, "too few drones heard for 5.5 s"),
     ("operator lost", seen(operator_s=6.0), Action.HOLD, "operator not heard for 6.0 s"),
     ("operator long lost", seen(operator_s=11.0), Action.LAND, "operator not heard"),
-    ("battery", seen(battery=0.15), Action.LAND, "battery at 15 %"),
+    ("battery", seen(battery=0.15, low_s=2.1), Action.LAND, "battery at 15 % for 2.1 s"),
+    ("a battery that sags", seen(battery=0.15, low_s=1.9), Action.PASS, ""),
     ("tilt", seen(tilt=1.0), Action.LAND, "tilted by 57 degrees"),
     ("turned over", seen(tilt=3.0), Action.KILL, "turned over"),
     ("head on", seen(v=(1.0, 0.0, 0.0), movers=(Mover(4, (0.7, 0.05, 1.0), (-1.0, 0.0, 0.0)),)), Action.HOLD,
@@ -87,7 +88,7 @@ def test_what_is_wrong_is_said_and_done(situation: Situation, action: Action, wh
 
 
 def test_the_strongest_wins_and_all_is_told() -> None:
-    verdict = judge(seen(battery=0.1, clock_s=0.05, tilt=3.0), BOUNDS)
+    verdict = judge(seen(battery=0.1, low_s=9.0, clock_s=0.05, tilt=3.0), BOUNDS)
     assert verdict.action is Action.KILL
     assert len(verdict.reasons) == 3
 

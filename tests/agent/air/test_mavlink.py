@@ -178,37 +178,6 @@ def test_one_that_does_not_take_off_is_disarmed_again(make: Make) -> None:
     assert not fake.armed
 
 
-@both
-def test_one_whose_failsafe_is_none_says_what_to_set(make: Make) -> None:
-    flight = Flight(FakeAutopilot(make, START, tuned=False))
-    flight.vehicle.open(3.0)
-    health = flight.wait(1.0).health
-    assert (
-        health
-        == {
-            Make.PX4: ("COM_OBL_RC_ACT is 0: set it to 4 (it lands when setpoints stop)",),
-            Make.ARDUPILOT: (
-                "GUID_TIMEOUT is 3: set it to 0.5 (so many seconds after the last setpoint it stops)",
-                "FS_GCS_ENABLE is 0: set it to 5 (it lands when this computer falls silent)",
-                "FS_GCS_TIMEOUT is 5: set it to 2 (so many seconds after that)",
-            ),
-        }[make]
-    )
-
-
-@both
-def test_one_that_refuses_to_be_armed_says_so(make: Make) -> None:
-    fake = FakeAutopilot(make, START)
-    fake.battery = 0.1
-    flight = Flight(fake)
-    flight.vehicle.open(3.0)
-    flight.vehicle.arm()
-    state = flight.wait(3.0)
-    assert not state.armed
-    assert state.health == ("it refuses to be armed",)
-    assert state.battery == pytest.approx(0.1)
-
-
 def test_the_room_and_north_east_down() -> None:
     """East of the room is y of NED; a vehicle that looks east has yaw 0 in the room and 90 degrees there."""
     fake = FakeAutopilot(Make.ARDUPILOT, START)
