@@ -50,12 +50,13 @@ class Told(NamedTuple):
 
 
 class Flown:
-    """Attributes: vehicle; seen: what its onlooker heard of it."""
+    """Attributes: vehicle; seen: what its onlooker heard of it; sticks: whether a pilot holds some, in the middle."""
 
     def __init__(self, profile: Profile, ports: Ports) -> None:
         self.profile, self.ports = profile, ports
         self.vehicle: Vehicle = make_vehicle(f"mavlink:{ports.led}", Rig(0, (0.0, 0.0, 0.0), 2.0, 3.0))
         self._eye: Any = None
+        self.sticks = False
         self.seen = Telemetry(0, profile, (0.0, 0.0, 0.0))
 
     def open(self) -> None:
@@ -81,6 +82,8 @@ class Flown:
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             self.look()
+            if self.sticks:
+                self._eye.mav.manual_control_send(self.seen.system, 0, 0, 500, 0, 0)
             time.sleep(0.005)
 
     def until(self, so: Callable[[State], bool], seconds: float = 60.0) -> State:
@@ -148,14 +151,20 @@ def _drone_hangs(flown: Flown) -> Told:
 
 
 def _pilot_takes_it(flown: Flown) -> Told:
-    flown.put_into(flown.ports.pilot)
+    """His sticks are in the middle, and what leads it asks for a place 5 m on."""
+    flown.sticks = True  # PX4 gives it to nobody whose sticks it does not hear
+    flown.circle(2.0)
     x, y, _ = flown.vehicle.state().p
 
     def leads_on() -> None:
         flown.vehicle.fly(Setpoint((x + 5.0, y, HEIGHT), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         flown.vehicle.state()
 
-    return flown.told(leads_on)
+    flown.put_into(flown.ports.pilot)
+    told = flown.told(leads_on)
+    if flown.seen.custom_mode != flown.ports.pilot:
+        raise TimeoutError(f"no pilot has it: its custom mode is {flown.seen.custom_mode}")
+    return told
 
 
 def _ordered_to_land(flown: Flown) -> Told:

@@ -17,7 +17,7 @@ _NEVER = math.inf
 WITHIN = {
     "its drone's process is killed": Told(3.0, 3.5, 20.0),
     "its drone hangs": Told(3.0, 1.5, 15.0),
-    "a pilot takes it": Told(10.0, _NEVER, _NEVER),
+    "a pilot takes it": Told(5.0, _NEVER, _NEVER),
     "`land` is ordered": Told(3.0, 1.0, 15.0),
     "`kill` is ordered": Told(_NEVER, _NEVER, 1.0),
 }
