@@ -48,9 +48,14 @@ class _Window:
 
     def least(self, now: float) -> float | None:
         """None: it was not heard for so long."""
+        least = self.so_far(now)
+        return least if now - self._since >= _CLOCK_WINDOW_S else None
+
+    def so_far(self, now: float) -> float | None:
+        """As `least`, of as much as was heard; None: nothing."""
         while self._least and now - self._least[0][0] > _CLOCK_WINDOW_S:
             self._least.popleft()
-        return self._least[0][1] if self._least and now - self._since >= _CLOCK_WINDOW_S else None
+        return self._least[0][1] if self._least else None
 
 
 class Contacts:
@@ -71,8 +76,8 @@ class Contacts:
     def hear(self, beacon: Beacon, frame: bytes, utc_us: int, now: float) -> None:
         """A beacon came, and the frame in it. ``utc_us``: this drone's time; ``now``: s, of a clock that never steps."""
         known = self._known.get(beacon.sender)
-        if beacon.sender == self._me or (known and known.beacon.utc_us >= beacon.utc_us):
-            return  # doubled, or overtaken
+        if beacon.sender == self._me or (known and _overtaken(known.beacon, beacon)):
+            return
         late = min(max(0.0, (utc_us - beacon.utc_us) / 1e6), _LATEST_S)
         leash = self._leashes.setdefault(beacon.sender, Leash(self._reach))
         p, v = leash.believed(beacon.p, beacon.v, now - late, now)
@@ -97,6 +102,11 @@ class Contacts:
                 elif of <= tick + _AHEAD_TICKS:
                     waiting.append((of, frame))
         return due
+
+    def behind_s(self, who: int, now: float) -> float | None:
+        """By how much that clock is behind this one, and what it says under way, at least [s]; None: unknown."""
+        window = self._clocks.get(who)
+        return window.so_far(now) if window else None
 
     def doubted(self, now: float) -> list[int]:
         """Who has said lately that it does what no drone can."""
@@ -153,6 +163,12 @@ class Contacts:
             for contact in self._known.values()
             if contact.beacon.flying and now - contact.heard_at < _GONE_S
         )
+
+
+def _overtaken(last: Beacon, beacon: Beacon) -> bool:
+    """Whether it is the same again, or came after a later one. Who stands may have had its clock set back."""
+    back_s = (last.utc_us - beacon.utc_us) / 1e6
+    return back_s >= 0.0 and (back_s < _LATEST_S or last.flying or beacon.flying)
 
 
 def mover_of(contact: Contact, now: float) -> Mover:

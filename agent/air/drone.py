@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from agent.air.body import RoomBody
+from agent.air.commands import Commands
 from agent.air.contacts import Contact, Contacts, tick_of
 from agent.air.guard import Action, Situation, Verdict, bounds_of, judge
 from agent.air.log import FlightLog
@@ -34,14 +35,13 @@ from protocols.slots.seals import Stamps
 from protocols.wire.account import Account, shown
 from protocols.wire.beacon import NO_TICK, Beacon, BeaconError, pack_beacon, unpack_beacon
 from protocols.wire.nature import WORLD, pack_status, to_drone
-from protocols.wire.operator import OperatorError, Order, Word, unpack_word
+from protocols.wire.operator import OperatorError, Order, unpack_word
 
 _ACCOUNT_TICKS = 25
 _AGAIN_S = 0.3  # an order to the vehicle that shows no effect is given again
 _LATEST_GO_S = 1.0  # who hears of it later does not run after the others
 _HEARD_S = 0.5
 _ARM_S = 3.0  # so long an order to arm stands
-_HALF = 1 << 31
 _DONE: dict[Phase, Callable[[State], bool]] = {
     Phase.GROUND: lambda state: not state.armed,
     Phase.ARMED: lambda state: state.armed,
@@ -75,9 +75,8 @@ class AirDrone:
         self._patience = Patience(plan.fleet.guard.hold_s, plan.fleet.guard.abort_s)
         self._every = plan.mission.frame_every
         self._drone: Drone | None = None
-        self._word: Word | None = None
         self._order: Order | None = None
-        self._word_at: float | None = None
+        self._commands = Commands(plan.fleet.guard.operator_hold_s)
         self._go: int | None = None  # tick of UTC
         self._before: tuple[State, float] | None = None  # as the vehicle said, and when
         self._low_since = math.inf  # its battery
@@ -92,7 +91,9 @@ class AirDrone:
         """What somebody said; ``now``: s, of a clock that never steps. What cannot be, or in another's name, is not heard."""
         try:
             if said.kind == "word" and said.who == THE_OPERATOR:
-                self._hear_word(unpack_word(said.data), now)
+                if (order := self._commands.hear(unpack_word(said.data), now)) is not None:
+                    self._order = order
+                    self._arm_until = now + _ARM_S if order is Order.ARM else now
             elif said.who == WORLD and self._nature:
                 if said.kind == to_drone("nature", self.me):
                     self._nature.hear(said.data, now)
@@ -108,16 +109,6 @@ class AirDrone:
         beacon, frame = unpack_beacon(data)
         if beacon.sender == sender < self.plan.mission.agents:
             self._contacts.hear(beacon, frame, at_us, now)
-
-    def _hear_word(self, word: Word, now: float) -> None:
-        newer = self._word is not None and 0 < (word.number - self._word.number) % (2 * _HALF) < _HALF
-        if newer:
-            self._order = word.order  # the first that is heard may be of long ago
-            self._arm_until = now + _ARM_S if word.order is Order.ARM else now
-        if self._word is None or newer:
-            self._word = word
-        if self._word is word or self._word.number == word.number:
-            self._word_at = now
 
     @property
     def flown_s(self) -> float:
@@ -148,9 +139,9 @@ class AirDrone:
             order = order or Order.ARM  # what spoke against it a moment ago may be over
         else:
             self._arm_until = now  # who was armed once is not armed again by the same word
-        if order is Order.GO and self._word and self.pilot.phase is Phase.FORM:
-            late = (utc_tick - self._word.at_tick) * TICK_S
-            self._go = self._word.at_tick if late < _LATEST_GO_S else None
+        if order is Order.GO and (word := self._commands.word) and self.pilot.phase is Phase.FORM:
+            late = (utc_tick - word.at_tick) * TICK_S
+            self._go = word.at_tick if late < _LATEST_GO_S else None
         tick = NO_TICK if self._go is None else max(NO_TICK, utc_tick - self._go)
         setpoint = self._setpoint(state, tick, now)
         verdict = self._judge(state, jump_m, setpoint, now)
@@ -207,7 +198,7 @@ class AirDrone:
         seen = Situation(
             state, jump_m, setpoint, self._contacts.movers(now), self._obstacles.discs,
             self._contacts.few_s(self.plan.mission.agents - 1, now),
-            None if self._word_at is None else now - self._word_at,
+            self._commands.silent_s(now),
             self._contacts.clock_s(now), max(0.0, now - self._low_since),
         )  # fmt: skip
         return judge(seen, self._bounds)
@@ -229,7 +220,8 @@ class AirDrone:
 
     def complaints(self, state: State, now: float) -> list[str]:
         """What speaks against arming it."""
-        operator = self._word_at is not None and now - self._word_at < self.plan.fleet.guard.operator_hold_s
+        silent_s = self._commands.silent_s(now)
+        operator = silent_s is not None and silent_s < self.plan.fleet.guard.operator_hold_s
         clock_s = self._contacts.clock_s(now)
         found = complaints(self.plan, self.me, state, self._heard(now), clock_s, operator, self._pace.lacking)
         worldly = self._nature.complaint(now) if self._nature else None
@@ -242,9 +234,9 @@ class AirDrone:
     def _enter(self, state: State, utc_us: int) -> None:
         """The phase has changed."""
         phase = self.pilot.phase
-        if phase is Phase.ARMED and self._word is not None:
+        if phase is Phase.ARMED and (word := self._commands.word) is not None:
             # Now, for it takes a moment, and the motors of nobody turn yet. The order's number is of no other flight.
-            flight = f"{self.plan.fleet_digest} {self._word.number}".encode()
+            flight = f"{self.plan.fleet_digest} {word.number}".encode()
             agents = self.plan.mission.agents
             self._drone = Drone(
                 self.plan.mission, self.me, bytes(range(agents)), 0, self._body, self._body,

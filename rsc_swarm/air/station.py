@@ -18,6 +18,7 @@ from protocols.wire.beacon import BeaconError, unpack_beacon
 from protocols.wire.operator import Order, Word, pack_word
 
 _LOST_S = 2.0
+_OFF_S = 0.5
 _MOST_CHANGES = 1000  # of phase, of a drone: one that changes it all the time fills no memory
 _GO_TICKS = TICKS_PER_S  # ahead: so long an order may take to reach all
 # In which phases all are to be when somebody orders what begins something; in the first they were led to.
@@ -128,8 +129,11 @@ class Station:
         lost = set(self.lost(now))
         found = [f"drone {drone}: says that it moves as no drone can" for drone in self.contacts.doubted(now)]
         for drone in range(self.plan.mission.agents):
-            if drone in lost:
+            if behind := self._behind(drone, now):
+                found.append(f"drone {drone}: {behind}")
+            elif drone in lost:
                 found.append(f"drone {drone}: is not heard at {self.plan.fleet.address(drone)}")
+            if drone in lost:
                 continue
             account = self.accounts[drone]
             found += [
@@ -137,6 +141,14 @@ class Station:
                 for text in (*disagreement(self.plan, self.version, account), *account.complaints)
             ]
         return found
+
+    def _behind(self, drone: int, now: float) -> str | None:
+        """What is to be said of its clock and the operator's: by them `go` is agreed on."""
+        off_s = self.contacts.behind_s(drone, now)
+        if off_s is None or abs(off_s) < _OFF_S:
+            return None
+        way = "behind" if off_s > 0 else "ahead of"
+        return f"its clock is {abs(off_s):.1f} s {way} the operator's; keep both by chrony or PTP"
 
     def phases(self, now: float) -> dict[int, str]:
         """What the drones that are heard are doing."""

@@ -61,6 +61,8 @@ def watch(
                 leaving_at, station.leaving = now, True
                 if station.in_flight(now):
                     station.order(Order.ABORT, utc_us, now)
+            if not station.in_flight(now):
+                clock.set()  # somebody may have set this machine's
             if now - said_at >= _SAY_S:
                 said_at = now
                 link.say("word", station.word(utc_us))

@@ -27,6 +27,15 @@ def test_what_is_doubled_or_overtaken_is_heard_once() -> None:
     assert contacts.frames(6) == [(1, b"new")]
 
 
+@pytest.mark.parametrize(("flying", "heard"), [(False, True), (True, False)])
+def test_who_stands_may_have_its_clock_set_back(flying: bool, heard: bool) -> None:
+    """As chrony does after a start, where an hour was wrong: it would not be heard for an hour."""
+    contacts, hour = Contacts(0, REACH), 3_600_000_000
+    contacts.hear(beacon(1, 2 * hour, flying=flying), b"", 2 * hour, 0.0)
+    contacts.hear(beacon(1, hour, flying=flying, battery=80), b"", 2 * hour, 1.0)
+    assert (contacts.known()[1].beacon.battery == 80) == heard
+
+
 def test_a_frame_of_the_future_waits_for_its_time_unless_that_is_far() -> None:
     contacts = Contacts(0, REACH)
     contacts.hear(beacon(1, tick=10), b"soon", 1_000_000, 0.0)

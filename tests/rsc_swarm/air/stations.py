@@ -19,8 +19,10 @@ def station() -> Station:
     return Station(read_plan(ROOM), "1", 0)
 
 
-def hear(station: Station, now: float, *phases: Phase, complaints: tuple[str, ...] = ()) -> None:
-    """All drones say what they are doing: each its own, or all the same."""
+def hear(
+    station: Station, now: float, *phases: Phase, complaints: tuple[str, ...] = (), late_s: float = 0.0
+) -> None:
+    """All drones say what they are doing: each its own, or all the same. late_s: the operator's clock minus theirs."""
     plan, utc_us = station.plan, round(1e6 * now)
     for me, phase in enumerate(phases if len(phases) > 1 else DRONES * phases):
         others = tuple(drone for drone in range(DRONES) if drone != me)
@@ -32,4 +34,4 @@ def hear(station: Station, now: float, *phases: Phase, complaints: tuple[str, ..
             me, list(Phase).index(phase), me, NO_TICK, utc_us, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 10, 0, 0, 90, False
         )  # fmt: skip
         for kind, data in (("beacon", pack_beacon(beacon)), ("account", account.to_json())):
-            station.hear(Said(name_of(me), kind, data, utc_us), now)
+            station.hear(Said(name_of(me), kind, data, utc_us + round(1e6 * late_s)), now)

@@ -77,6 +77,23 @@ def test_preflight_says_what_speaks_against_flying() -> None:
 
 
 @pytest.mark.parametrize(
+    ("off_s", "why"),
+    [
+        (3600.0, "its clock is 3600.0 s behind the operator's"),
+        (-3600.0, "its clock is 3600.0 s ahead of the operator's"),
+        (0.1, ""),
+    ],
+)
+def test_an_operator_with_another_time_of_day_is_told_so(off_s: float, why: str) -> None:
+    """By it `go` is agreed on; and drones whose words are of an hour ago are not silent."""
+    fleet = station()
+    hear(fleet, NOW, Phase.GROUND, late_s=off_s)
+    assert fleet.red(NOW) == [
+        f"drone {drone}: {why}; keep both by chrony or PTP" for drone in range(6) if why
+    ]
+
+
+@pytest.mark.parametrize(
     ("word", "phases", "why"),
     [
         ("arm", [Phase.GROUND] * 5 + [Phase.FLY], "arm: drone 5 is in phase fly; wait until all are in ground"),
