@@ -62,7 +62,8 @@ class CrazyflieVehicle(Ordered):
             self.close()
             raise VehicleError(
                 f"the radio host at {self._endpoint} says nothing of the Crazyflie of drone {self._rig.drone} at {self._uri}: "
-                "it is that of another fleet, or has another fleet file than this drone; give each fleet a host of its own"
+                "it does not reach it (and says why); or it is that of another fleet, or has another fleet file than this drone: "
+                "give each fleet a host of its own"
             ) from None
 
     def _connect(self, timeout_s: float) -> zenoh.Session:

@@ -12,6 +12,7 @@ with motion capture.
 Nobody on the way is asked who they are: MAVLink belongs on a wire, or on an address of the own machine.
 """
 
+import errno
 import importlib
 import math
 import os
@@ -44,6 +45,15 @@ _ESTIMATE_HZ = 5
 _ORIGIN = 49  # number of a message
 _FARTHEST_M = 1000.0  # between its origin and the room's
 _FORCE = 21196
+_DIALECT = "ardupilotmega"
+_WHY_NOT = {
+    errno.EACCES: "this user may not; add it to the group that may, often dialout",
+    errno.EAGAIN: "another program uses it",
+    errno.ENOENT: "there is no such device",
+    errno.EADDRINUSE: "another program listens there",
+    errno.EADDRNOTAVAIL: "that is no address of this machine",
+    errno.ECONNREFUSED: "nobody listens there",
+}
 
 
 class Address(NamedTuple):
@@ -306,13 +316,15 @@ def connected(connection: str) -> Any:
         raise VehicleError(
             f"mavlink:{connection} needs pymavlink: install it with pip install 'rsc-swarm[mavlink]'"
         ) from None
-    device, baud = connection, 115200
-    if connection.startswith("serial:"):
-        _, device, speed = connection.split(":")
-        baud = int(speed)
+    us: dict[str, Any] = {"source_system": _SYSTEM, "source_component": _COMPONENT}
     try:
-        return mavutil.mavlink_connection(
-            device, baud=baud, source_system=_SYSTEM, source_component=_COMPONENT, dialect="ardupilotmega"
-        )
+        if not connection.startswith("serial:"):
+            return mavutil.mavlink_connection(connection, dialect=_DIALECT, **us)
+        _, device, baud = connection.split(":")
+        mavutil.set_dialect(_DIALECT)
+        link = mavutil.mavserial(device, baud=int(baud), **us)
+        link.port.exclusive = True  # of two that read one line each gets a part of it
+        return link
     except (OSError, OverflowError, ImportError) as error:
-        raise VehicleError(f"mavlink:{connection} cannot be opened: {error}") from error
+        why = _WHY_NOT.get(getattr(error, "errno", None) or 0, str(error))
+        raise VehicleError(f"mavlink:{connection} cannot be opened: {why}") from error

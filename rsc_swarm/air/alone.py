@@ -10,6 +10,7 @@ from agent.air.clock import Utc
 from agent.air.contacts import Contacts
 from agent.air.drone import AirDrone
 from agent.air.flying import fly
+from agent.air.listening import check_free
 from agent.air.obstacles import Obstacles
 from agent.air.peers import AirLink, end_of, name_of
 from agent.air.pilot import Phase
@@ -50,9 +51,12 @@ def fly_drone(
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
     fleet, vehicle = plan.fleet, vehicle_of(plan, me, body)
     load(plan)
+    address = fleet.address(me)
+    check_free(
+        address
+    )  # before the vehicle hears anything: it may be in the air with another of this drone's processes
     vehicle.open(_OPEN_S)
     service = Service()
-    address = fleet.address(me)
     login = read_fleet_login(key_file, plan.mission.swarm, me, host_of(address)) if key_file else None
     seals = login.seals if login else None
     drone = AirDrone(

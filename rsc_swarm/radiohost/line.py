@@ -20,6 +20,7 @@ from protocols.keeper import Act, Arm, Cut, Land, Seen, Stream, TakeOff
 from protocols.wire.vehicles import Vector
 
 _QUIET_S = 1.5  # over UDP cflib never resends: who waits for an answer that was lost waits for ever
+_TAKES_S, _AGAIN_S = 5.0, 0.3  # so long a program that had the dongle may take to let go of it
 _CONSOLE, _LINK = 0, 15  # ports that speak by themselves
 _LOG_PERIOD_MS = 10
 _LOST_PACKETS = 2000  # in a row, some seconds of them: then cflib gives the link up, and it is made anew
@@ -85,6 +86,7 @@ class Line:
         self.uri, self._told = uri, told
         self._cache = str(cache) if cache else None
         self._cf: Any = None
+        self._refusal = ""  # why there is no dongle
         self.seen: Seen | None = None
         self.sure_at, self.tumbled = -math.inf, False
 
@@ -94,8 +96,14 @@ class Line:
         Raises:
             LineError: it is not there, within ``timeout_s``, or has no such variable.
         """
-        deadline = time.monotonic() + timeout_s
+        begun = time.monotonic()
+        deadline = begun + timeout_s
         while not self._connect(deadline):
+            if self._refusal and time.monotonic() > begun + _TAKES_S:
+                raise LineError(
+                    f"{self.uri} cannot be used: {self._refusal}; is the dongle in, does no other program use it, and may you? "
+                    "(a udev rule for USB 1915:7777)"
+                )
             if time.monotonic() > deadline:
                 raise LineError(
                     f"nothing answers at {self.uri} within {timeout_s:g} s: is it switched on, is its address right, "
@@ -126,11 +134,19 @@ class Line:
             if packet.port not in (_CONSOLE, _LINK):
                 heard_at = time.monotonic()
 
+        def refuse(_: str, why: str) -> None:
+            self._refusal = why.partition("\n")[0].rpartition(": ")[2]  # a traceback follows
+
         self._cf = Crazyflie(rw_cache=self._cache)
         self._cf._send_lock = _Lock()
         self._cf.connected.add_callback(lambda _: there.set())
         self._cf.packet_received.add_callback(hear)
+        self._cf.connection_failed.add_callback(refuse)
         self._cf.open_link(self.uri)
+        if self._cf.link is None:
+            time.sleep(_AGAIN_S)
+            return False
+        self._refusal = ""
         while time.monotonic() < min(deadline, heard_at + _QUIET_S):
             if there.wait(0.05):
                 self._cf.packet_received.remove_callback(hear)

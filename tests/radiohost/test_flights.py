@@ -263,3 +263,13 @@ def test_a_crazyflie_that_is_not_there_is_given_up_in_time() -> None:
             LineError, match=r"nothing answers at udp://127\.0\.0\.1:\d+ within 0\.5 s: is it switched on"
         ):
             line.open(0.5)
+
+
+def test_a_dongle_that_is_not_there_is_told_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No minute is waited for it, as for a Crazyflie that somebody may yet switch on."""
+    monkeypatch.setattr("rsc_swarm.radiohost.line._TAKES_S", 0.1)
+    init_drivers()
+    with pytest.raises(
+        LineError, match=r"radio://99/80/2M cannot be used: Cannot find a Crazyradio Dongle; is the dongle in"
+    ):
+        Line("radio://99/80/2M", lambda: None).open(30.0)

@@ -1,10 +1,14 @@
 """Where an autopilot is to be found: an address is read or refused in one line, and one that is not there is given up in time."""
 
+import os
+import pty
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from agent.air.mavlink import parse_address
+from agent.air.mavlink import connected, parse_address
 from agent.air.vehicle import Rig, VehicleAddressError, VehicleError, make_vehicle
 from tests.agent.air.led import START, WHERE
 from tests.fakes.udp import free_ports
@@ -15,8 +19,27 @@ def test_one_that_is_not_there_is_given_up_in_time() -> None:
     with pytest.raises(VehicleError, match=r"no PX4 or ArduPilot is heard .* within 0\.2 s"):
         vehicle.open(0.2)
     vehicle = make_vehicle("mavlink:serial:/dev/nothing-there:57600", Rig(0, START, 2.0, 3.0))
-    with pytest.raises(VehicleError, match=r"mavlink:serial:/dev/nothing-there:57600 cannot be opened"):
+    with pytest.raises(
+        VehicleError,
+        match=r"mavlink:serial:/dev/nothing-there:57600 cannot be opened: there is no such device",
+    ):
         vehicle.open(0.2)
+
+
+def test_a_serial_line_is_one_programs(tmp_path: Path) -> None:
+    """A second process of a drone in flight would take a part of what its autopilot says."""
+    ours, theirs = pty.openpty()
+    where = f"serial:{os.ttyname(theirs)}:57600"
+    link = connected(where)
+    with pytest.raises(VehicleError, match=f"mavlink:{where} cannot be opened: another program uses it"):
+        connected(where)
+    link.close()
+    connected(where).close()
+    os.close(theirs)
+    os.close(ours)
+    (tmp_path / "log").write_text("")
+    with pytest.raises(VehicleError, match="cannot be opened: Could not configure port"):
+        connected(f"serial:{tmp_path / 'log'}:57600")
 
 
 @pytest.mark.parametrize(

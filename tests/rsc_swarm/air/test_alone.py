@@ -1,0 +1,26 @@
+"""A drone's process, before it flies."""
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from agent.air.trouble import Trouble
+from protocols.wire.keys import LinkError
+from rsc_swarm.air import alone
+from rsc_swarm.air.plans import read_plan
+from tests.scenarios.fleets import Fleet
+
+
+def test_a_process_that_was_started_twice_leaves_its_vehicle_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first may have it in the air."""
+    plan = read_plan(Fleet(tmp_path).file)
+    monkeypatch.setattr(alone, "vehicle_of", lambda *_: None)  # nothing can be asked of it
+    _, _, place = plan.fleet.address(3).partition("/")
+    host, _, port = place.rpartition(":")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first:
+        first.bind((host, int(port)))
+        with pytest.raises(LinkError, match=r"another program does\. Is this fleet in the air already"):
+            alone.fly_drone(plan, 3, None, None, None, Trouble())
