@@ -18,10 +18,12 @@ from rsc_swarm.flight.ranges import written
 from rsc_swarm.show.keyboard import Keyboard
 from rsc_swarm.show.render import console
 
-_HEADINGS = (
-    "drone", "phase", "x m", "y m", "z m", "battery", "age ms", "clock ms", "hears", "slot", "missed",
-)  # fmt: skip
-_WIDE, _NARROW = 80, 6  # columns of a terminal for all of them; how many of them fit in half of that
+# What counts most first, and how many letters of a terminal each takes.
+_HEADINGS = {
+    "drone": 6, "phase": 7, "x m": 7, "y m": 7, "z m": 6, "battery": 8,
+    "age ms": 7, "clock ms": 9, "hears": 6, "slot": 5, "missed": 7,
+}  # fmt: skip
+_WIDE = 80
 _REDRAW_S = 0.25
 _RED_S = 2.0
 _MOST_COMPLAINTS = 6
@@ -30,8 +32,9 @@ _GIVEN_UP = (Phase.HOLD, Phase.LAND, Phase.DEAD)
 
 def table(station: Station, now: float, width: int = _WIDE) -> Table:
     """Every drone, a row each; in a narrow terminal what counts most."""
-    shown = Table(box=None, pad_edge=False)
-    headings = _HEADINGS if width >= _WIDE else _HEADINGS[:_NARROW]
+    shown = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    fits = [sum(list(_HEADINGS.values())[: 1 + column]) <= 1 + width for column in range(len(_HEADINGS))]
+    headings = list(_HEADINGS)[: max(1, sum(fits))]
     for heading in headings:
         shown.add_column(heading, justify="left" if heading == "phase" else "right", no_wrap=True)
     lost, known = set(station.lost(now)), station.contacts.known()
@@ -83,7 +86,8 @@ class FleetView:
         self._title, self._desk, self._keyboard = title, Desk(), Keyboard(keys)
         self._keys_wanted = keys
         self._console = console(sys.stderr)
-        self._live = Live(console=self._console, auto_refresh=False) if self._console.is_terminal else None
+        draws = self._console.is_terminal and not self._console.is_dumb_terminal
+        self._live = Live(console=self._console, auto_refresh=False) if draws else None
         self._gone = False
         self._drawn = 0.0
         self._told = _Told()
@@ -113,13 +117,13 @@ class FleetView:
 
     def _picture(self, station: Station, now: float) -> Group:
         """What is typed comes first, so that a low terminal shows it."""
-        desk = [Text(f"> {self._desk.typed}"), Text(self._desk.answer, "dim")] if self._keyboard.here else []
-        status = Text(order_text(station), "bold")
+        desk = [Text(f"> {self._desk.typed}")] if self._keyboard.here else []
+        told = [Text(self._desk.answer, "dim"), Text(order_text(station), "bold")]
         return Group(
-            Text(self._title, "bold"),
             *desk,
-            status,
+            *filter(None, told),
             troubles_text(station, now),
+            Text(self._title, "bold", no_wrap=True, overflow="ellipsis"),
             table(station, now, self._console.width),
         )
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from agent.air.peers import Said, name_of
 from agent.air.pilot import Phase
-from agent.air.vehicle import Mode
+from agent.air.vehicle import Mode, Vector
 from protocols.wire.account import Account
 from protocols.wire.beacon import NO_TICK, Beacon, pack_beacon
 from rsc_swarm.air.plans import read_plan
@@ -20,7 +20,12 @@ def station() -> Station:
 
 
 def hear(
-    station: Station, now: float, *phases: Phase, complaints: tuple[str, ...] = (), late_s: float = 0.0
+    station: Station,
+    now: float,
+    *phases: Phase,
+    complaints: tuple[str, ...] = (),
+    late_s: float = 0.0,
+    p: Vector = (0.0, 0.0, 0.0),
 ) -> None:
     """All drones say what they are doing: each its own, or all the same. late_s: the operator's clock minus theirs."""
     plan, utc_us = station.plan, round(1e6 * now)
@@ -31,7 +36,7 @@ def hear(
             slot=me, ticks=0, missed=0, rejected=0, fleet=plan.fleet_digest, mission=plan.mission_digest, version="1",
         )  # fmt: skip
         beacon = Beacon(
-            me, list(Phase).index(phase), me, NO_TICK, utc_us, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 10, 0, 0, 90, False
+            me, list(Phase).index(phase), me, NO_TICK, utc_us, p, (0.0, 0.0, 0.0), 10, 0, 0, 90, False
         )  # fmt: skip
         for kind, data in (("beacon", pack_beacon(beacon)), ("account", account.to_json())):
             station.hear(Said(name_of(me), kind, data, utc_us + round(1e6 * late_s)), now)

@@ -127,10 +127,10 @@ def test_who_does_not_fly_on_is_told_with_the_reason_once_for_all_that_share_it(
     assert troubles_text(fleet, NOW).plain == "drones 0-2,5: hold, climbed\ndrone 4: land, climbed"
 
 
-@pytest.mark.parametrize(("width", "columns"), [(120, 11), (80, 11), (79, 6), (40, 6)])
+@pytest.mark.parametrize(("width", "columns"), [(120, 11), (80, 11), (60, 8), (40, 6), (30, 4), (12, 2)])
 def test_the_table_fits_on_the_terminal(width: int, columns: int) -> None:
     fleet = station()
-    hear(fleet, NOW, Phase.GROUND)
+    hear(fleet, NOW, Phase.ARMED, p=(-12.34, -12.34, 12.34))
     shown = table(fleet, NOW, width)
     assert len(shown.columns) == columns
     told = io.StringIO()
