@@ -5,6 +5,7 @@ Who lives in a container that has no /proc of its own sees that of the machine t
 
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -33,6 +34,19 @@ def age_s() -> float:
     """How long ago that is [s]. psutil knows only to a second when the machine was started, from which /proc counts."""
     said = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
     return time.clock_gettime(time.CLOCK_BOOTTIME) - int(said[_STARTED]) / os.sysconf("SC_CLK_TCK")
+
+
+def anonymous_bytes(pid: int) -> int:
+    """The memory it took for itself, in use, of no file [bytes]: who else maps the same libraries makes no difference to it.
+
+    Raises:
+        psutil.NoSuchProcess: there is none, or it is ending.
+    """
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("RssAnon:"):
+                return int(line.split()[1]) * 1024
+    raise psutil.NoSuchProcess(pid)
 
 
 def _my_number() -> int:

@@ -11,6 +11,7 @@ import psutil
 
 from protocols.mission.document import Mission, parse_mission
 from rsc_swarm.flight.launch import launch
+from rsc_swarm.machine.census import anonymous_bytes
 from world.outlets.snapshot import Snapshot
 
 _MISSION = {"agents": 4, "goal_x_m": 1e6, "obstacles": {"discs": []}, "fly_s": 60}
@@ -19,7 +20,7 @@ _GROWS = 0.01
 
 
 class Size(NamedTuple):
-    """Of one process: bytes that are its own (USS), and files it has open."""
+    """Of one process: bytes it took for itself (not those of libraries), and files it has open."""
 
     bytes: int
     files: int
@@ -101,4 +102,4 @@ def _sum(sizes: tuple[Size, ...] | list[Size]) -> Size:
 
 
 def _size(process: psutil.Process) -> Size:
-    return Size(process.memory_full_info().uss, process.num_fds())
+    return Size(anonymous_bytes(process.pid), process.num_fds())
