@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.slots.written import unpack_slots
+from protocols.slots.written import is_assignment, unpack_slots
 from protocols.wire.messages import MAX_HEARD
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -59,7 +59,7 @@ class Invariants:
     def __init__(self, initial_slots: NDArray[np.int16], cooldown_s: float) -> None:
         """Watch a swarm that starts in ``initial_slots`` (N,) and in which a drone pauses ``cooldown_s`` after a swap."""
         agents = len(initial_slots)
-        self._everyone = list(range(agents))
+        self._agents = agents
         self._initial, self.says = initial_slots, initial_slots.astype(np.int64)
         self._status: dict[int, AgentStatus] = {}
         self._view_of: defaultdict[int, dict[int, bytes]] = defaultdict(dict)  # by digest and drone
@@ -139,12 +139,12 @@ class Invariants:
         """What is wrong with this account by itself: the rule it breaks, and how."""
         since, before = self._account.get(agent, (-1, None))
         if not before or (status.view, status.slot) != (before.view, before.slot):  # those were looked at
-            view = list(unpack_slots(status.view, len(self._everyone)))
-            if sorted(view) != self._everyone:
-                return "permutation", f"believes {view}"
+            view = unpack_slots(status.view, self._agents)
+            if not is_assignment(status.view, self._agents):
+                return "permutation", f"believes {list(view)}"
             if view[agent] != status.slot:
-                return "own slot", f"says it holds slot {status.slot} and believes {view}"
-        if status.heard >= len(self._everyone):
+                return "own slot", f"says it holds slot {status.slot} and believes {list(view)}"
+        if status.heard >= self._agents:
             return "counts", f"hears {status.heard} others"
         numbers = (*status.swaps, *status.rejected)
         counted = (*before.swaps, *before.rejected) if before else (0,) * len(numbers)

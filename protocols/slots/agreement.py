@@ -329,7 +329,7 @@ class SlotParty:
 
     def _count_undone(self) -> None:
         book = self.book
-        mine = (op for op in book.ops if op.involves(self.me) and op not in book.skipped)
+        mine = (op for op in book.swaps_of(self.me) if op not in book.skipped)
         acting = () if self.stance is Stance.AMNESIAC else tuple(mine)
         self.counts.undone += sum(op not in acting for op in self._acting)
         self._acting = acting

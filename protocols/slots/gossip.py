@@ -62,7 +62,7 @@ class SlotGossip:
     def __copy__(self) -> SlotGossip:
         twin = SlotGossip.__new__(SlotGossip)
         twin.__dict__.update(self.__dict__)
-        twin.book = self.book.copy()
+        twin.book, twin._seals_of = self.book.copy(), dict(self._seals_of)
         return twin
 
     def state_key(self, tick: int) -> Hashable:
@@ -146,11 +146,11 @@ class SlotGossip:
         new = tuple(swap for swap in swaps if self.book.add(swap.op))
         if not new:
             return
-        told = {**self._seals_of, **dict(new)}
-        dropped = len(told) > self.book.count
-        self._seals_of = {op: told[op] for op in self.book.ops} if dropped else told
-        fresh = (*(swap.op for swap in new), *self._fresh)
-        self._fresh = tuple(op for op in fresh if op in self._seals_of)
+        self._seals_of.update(new)
+        self._fresh = (*(swap.op for swap in new), *self._fresh)
+        if len(self._seals_of) > self.book.count:  # one has made room for another
+            self._seals_of = {op: self._seals_of[op] for op in self.book.ops}
+            self._fresh = tuple(op for op in self._fresh if op in self._seals_of)
         self._repair_left = self._rules.repair_frames
         self._open_cursor = 0
         self._witnesses = frozenset()

@@ -48,13 +48,6 @@ class Swap(NamedTuple):
     slot_b: int
     taken: bool = False
 
-    def involves(self, agent: int) -> bool:
-        return agent in (self.agent_a, self.agent_b)
-
-    def shares_slot(self, other: Swap) -> bool:
-        mine = (self.slot_a, self.slot_b)
-        return other.slot_a in mine or other.slot_b in mine
-
 
 def pack_swap(op: Swap) -> bytes:
     """The same bytes on every machine: what is hashed, and what is sealed."""
@@ -71,7 +64,7 @@ def is_permutation(numbers: Sequence[int]) -> bool:
 
 
 class SlotBook:
-    """One agent's knowledge of the swaps. All its values are immutable, so `copy` is cheap.
+    """One agent's knowledge of the swaps. What costs much to copy is immutable, so `copy` is cheap.
 
     `initial[agent]` is the slot an agent starts in: any permutation.
 
@@ -88,6 +81,9 @@ class SlotBook:
     slot_of: tuple[int, ...]
     _initial: tuple[int, ...]  # agent -> slot
     _agreed_clock: int  # the largest counter two have agreed to
+    _takings: int  # so many of `ops` are taken slots
+    _swaps_of: dict[int, tuple[Swap, ...]]  # agent -> those that name it, in order
+    _last_of: dict[int, Swap]  # slot -> the last that names it
 
     def __init__(self, initial: Sequence[int]) -> None:
         if not initial or not is_permutation(initial):
@@ -114,6 +110,7 @@ class SlotBook:
     def copy(self) -> SlotBook:
         twin = SlotBook.__new__(SlotBook)
         twin.__dict__.update(self.__dict__)
+        twin._swaps_of, twin._last_of = dict(self._swaps_of), dict(self._last_of)
         return twin
 
     def __contains__(self, op: Swap) -> bool:
@@ -137,7 +134,11 @@ class SlotBook:
             self._agreed_clock = max(self._agreed_clock, op.counter)
         self.settled = min(self.settled, at)
         after = (*ops[:at], op, *ops[at:])
-        if any(op.shares_slot(later) for later in ops[at:]) or any(other.taken for other in after):
+        if (
+            op.taken
+            or self._takings
+            or any(self._last_of.get(slot, op) > op for slot in (op.slot_a, op.slot_b))
+        ):
             self._replay(after)
         else:
             self._go_on(after, op)
@@ -147,16 +148,20 @@ class SlotBook:
         """As far as is known everybody has had these swaps."""
         self.settled = len(self.ops)
 
+    def swaps_of(self, agent: int) -> tuple[Swap, ...]:
+        """The swaps that name an agent, in order."""
+        return self._swaps_of.get(agent, ())
+
     def taken_by(self, agent: int) -> list[Swap]:
         """The slots of the dead that an agent took, in order."""
-        return [op for op in self.ops if op.taken and op.agent_a == agent]
+        return [op for op in self.swaps_of(agent) if op.taken and op.agent_a == agent]
 
     def counter_of_taking(self, agent: int, dead: int) -> int:
         """What the taking of a dead agent's slot should count: more than what was agreed, or was taken from these two.
 
         Not more than whatever is known: else whoever takes with the largest counter possible would keep all others from it.
         """
-        taken = [op.counter for op in self.ops if op.taken and (op.involves(agent) or op.involves(dead))]
+        taken = [op.counter for op in (*self.swaps_of(agent), *self.swaps_of(dead)) if op.taken]
         return 1 + max([self._agreed_clock, *taken])
 
     def _check(self, op: Swap) -> None:
@@ -170,6 +175,7 @@ class SlotBook:
     def _go_on(self, ops: tuple[Swap, ...], op: Swap) -> None:
         """The common case: those after the new swap know nothing of its slots, so the fold goes on from where it stands."""
         self.ops = ops
+        self._index(op)
         occupant, slot_of = list(self.occupant), list(self.slot_of)
         if _apply(occupant, slot_of, op):
             self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
@@ -180,9 +186,21 @@ class SlotBook:
         """Fold these from the start."""
         void = _void(ops)
         occupant, slot_of = list(_inverse(self._initial)), list(self._initial)
-        self.ops = ops
+        self.ops, self._takings, self._swaps_of, self._last_of = ops, 0, {}, {}
+        for op in ops:
+            self._index(op)
         self.skipped = frozenset(op for op in ops if op in void or not _apply(occupant, slot_of, op))
         self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
+
+    def _index(self, op: Swap) -> None:
+        """Find this swap by its agents and its slots, too."""
+        self._takings += op.taken
+        for agent in (op.agent_a, op.agent_b):
+            swaps = self.swaps_of(agent)
+            at = bisect_left(swaps, op)
+            self._swaps_of[agent] = (*swaps[:at], op, *swaps[at:])
+        for slot in (op.slot_a, op.slot_b):
+            self._last_of[slot] = max(op, self._last_of.get(slot, op))
 
 
 def _void(ops: Sequence[Swap]) -> frozenset[Swap]:

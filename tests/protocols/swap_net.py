@@ -262,7 +262,7 @@ def fold(ops: Iterable[Swap], n: int) -> tuple[tuple[int, ...], frozenset[Swap]]
     for place, op in enumerate(order):
         later = [other for other in order[place + 1 :] if not other.taken]
         found = [
-            next((_slot(other, who) for other in later if other.involves(who)), None)
+            next((_slot(other, who) for other in later if who in (other.agent_a, other.agent_b)), None)
             for who in (op.agent_a, op.agent_b)
         ]
         unknown = op.taken and (found[0] == op.slot_a or found[1] == op.slot_b)
