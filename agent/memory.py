@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from agent.control.surroundings import Discs, Neighbours
 from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
-from protocols.relative import NEVER, UNKNOWN
+from protocols.relative import MAX_HOPS, NEVER, UNKNOWN, Within
 from protocols.wire.frames import MAX_KNOWN, OBSERVATION_SIZE, RELAYED
 from protocols.wire.sensed import MAX_NEAR, MAX_OBSTACLES
 
@@ -18,8 +18,8 @@ class Memory(NamedTuple):
 
     heard_*: (A, N, ...) what the last frame of each drone said, and how it had accelerated [m/s^2]; heard_relayed only where the
     policy asks for it. last_seen: (A, N) tick at
-    which anybody, as far as is known here, last heard each drone. hops, rel, freshest: multi-hop relative positions
-    (protocols.relative). began: (A,) tick from which the drone has listened.
+    which anybody, as far as is known here, last heard each drone. hops, rel, freshest, within, within_up_to: multi-hop relative
+    positions (protocols.relative). began: (A,) tick from which the drone has listened.
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
     and the side on which each is being passed. stalled: (A,) ticks for which the drone has not come nearer to its slot.
     way: (A, 3) next corner of its detour [m] and how many are left (agent.control.detour).
@@ -39,6 +39,8 @@ class Memory(NamedTuple):
     hops: NDArray[np.int64]
     rel: NDArray[np.float64]
     freshest: NDArray[np.int64]
+    within: NDArray[np.int64]
+    within_up_to: NDArray[np.int64]
     began: NDArray[np.int64]
     near_count: NDArray[np.int64]
     near_id: NDArray[np.int64]
@@ -75,6 +77,12 @@ def discs_of(memory: Memory, row: int) -> Discs:
     )
 
 
+@inlined_kernel
+def within_of(memory: Memory, row: int) -> Within:
+    """Whom one drone knows the way to."""
+    return Within(memory.within[row], memory.within_up_to[row])
+
+
 def empty_memory(rows: int, agents: int, relays: bool = False) -> Memory:
     """A memory of nothing; every drone counts as seen at tick 0. ``relays``: there is room for relayed means."""
     return Memory(
@@ -91,6 +99,8 @@ def empty_memory(rows: int, agents: int, relays: bool = False) -> Memory:
         hops=np.full((rows, agents), UNKNOWN),
         rel=np.zeros((rows, agents, 2)),
         freshest=np.zeros((rows, agents), np.int64),
+        within=np.zeros((rows, agents), np.int64),
+        within_up_to=np.zeros((rows, MAX_HOPS + 1), np.int64),
         began=np.zeros(rows, np.int64),
         near_count=np.zeros(rows, np.int64),
         near_id=np.zeros((rows, MAX_NEAR), np.int64),

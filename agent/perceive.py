@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.heard import find_heard, keep_clear, note_acceleration
-from agent.memory import Memory, put_neighbour
+from agent.memory import Memory, put_neighbour, within_of
 from agent.relay import fixed_point, mean_over_neighbours
 from agent.tick_arrays import Rules, Work
 from protocols.dynamics import TICK_S, vector
@@ -153,7 +153,15 @@ def perceive_row(
         memory.heard_displacement[row],
     )  # fmt: skip
     chain_displacements(
-        me, tick, rules.radio, near, heard, memory.hops[row], memory.rel[row], memory.freshest[row]
+        me,
+        tick,
+        rules.radio,
+        near,
+        heard,
+        memory.hops[row],
+        memory.rel[row],
+        memory.freshest[row],
+        within_of(memory, row),
     )
     mean_over_neighbours(tick, row, rules.radio, memory, work.means[row])
     if not rules.by_sensor:
@@ -180,18 +188,15 @@ def compose_row(
     for passed_on in range(min(rounds - 1, frames.relayed.shape[1])):
         for index in range(observation.shape[1]):
             frames.relayed[out, passed_on, index] = fixed_point(work.means[row, passed_on, index])
-    count = 0
-    frames.one_hop[out] = 0
-    for distance in range(1, min(2, max_hops - 1) + 1):
-        for other in range(agents):
-            if memory.hops[row, other] == distance and count < MAX_KNOWN:
-                frames.known[out, count] = other
-                frames.displacement[out, count, 0] = memory.rel[row, other, 0]
-                frames.displacement[out, count, 1] = memory.rel[row, other, 1]
-                count += 1
-        if distance == 1:
-            frames.one_hop[out] = count
-    frames.known_count[out] = count
+    within = within_of(memory, row)
+    told = min(within.up_to[min(2, max_hops - 1)], MAX_KNOWN)
+    for index in range(told):
+        other = within.number[index]
+        frames.known[out, index] = other
+        frames.displacement[out, index, 0] = memory.rel[row, other, 0]
+        frames.displacement[out, index, 1] = memory.rel[row, other, 1]
+    frames.one_hop[out] = min(within.up_to[1], told)
+    frames.known_count[out] = told
     begin = (turn * AGE_WINDOW) % agents
     frames.age_from[out] = begin
     for offset in range(AGE_WINDOW):

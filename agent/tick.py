@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from agent.control.detour import leave_pocket
 from agent.control.safety import safety_filter
 from agent.heard import listens, stand_still
-from agent.memory import Memory, discs_of, neighbours_of
+from agent.memory import Memory, discs_of, neighbours_of, within_of
 from agent.observation import aim_row, observe_row
 from agent.perceive import compose_row, perceive_row
 from agent.target import place_target
@@ -27,7 +27,7 @@ def _ask_triggers(
     error = vector(work.chain_error, row)
     known = trigger.Known(
         views.slot_of[row], views.occupant[row], memory.heard_tick[row], memory.last_seen[row], memory.hops[row],
-        memory.rel[row],
+        memory.rel[row], within_of(memory, row),
     )  # fmt: skip
     me = work.me[row]
     work.partner[row] = trigger.swap_partner(me, tick, rules.swap, rules.radio, error, shape, known)

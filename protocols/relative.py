@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel
 
+MAX_HOPS = 3
 UNKNOWN = 99  # hops to a drone that is out of reach
 NEVER = -1_000_000  # tick of something that has not happened
 
@@ -54,6 +55,25 @@ class Heard(NamedTuple):
     displacement: NDArray[np.float32]
 
 
+class Within(NamedTuple):
+    """Whom one knows the way to. number: (N,) drone numbers, the nearest by hops first, of as many hops by rising number.
+    up_to: (4,) how many of them are within 0, 1, 2, 3 hops, oneself left out."""
+
+    number: NDArray[np.int64]
+    up_to: NDArray[np.int64]
+
+
+@inlined_kernel
+def _put(number: NDArray[np.int64], first: int, size: int, new: int) -> int:
+    """Put a number in its place among number[first:size], which rise; return how many there are then."""
+    at = size
+    while at > first and number[at - 1] > new:
+        number[at] = number[at - 1]
+        at -= 1
+    number[at] = new
+    return size + 1
+
+
 @inlined_kernel
 def chain_displacements(
     me: int,
@@ -64,20 +84,25 @@ def chain_displacements(
     hops: NDArray[np.int64],
     rel: NDArray[np.float64],
     freshest: NDArray[np.int64],
+    within: Within,
 ) -> None:
     """Hops to every drone, (N,), and its position relative to me, (N, 2) [m], valid where hops < UNKNOWN; both are written.
 
-    freshest: (N,) room to work in.
+    freshest: (N,) room to work in. within: as it was left the last time, for these hops.
     """
-    for other in range(hops.shape[0]):
-        hops[other] = UNKNOWN
+    for index in range(within.up_to[-1]):
+        hops[within.number[index]] = UNKNOWN
     hops[me], rel[me, 0], rel[me, 1] = 0, 0.0, 0.0
+    size = 0
     for index in range(near.size):
         other = near.number[index]
         hops[other], rel[other, 0], rel[other, 1] = 1, near.rel[index, 0], near.rel[index, 1]
-    for distance in range(2, rules.max_hops + 1):
-        for other in range(hops.shape[0]):
-            freshest[other] = NEVER
+        size = _put(within.number, 0, size, other)
+    within.up_to[1] = size
+    for distance in range(2, within.up_to.shape[0]):
+        if distance > rules.max_hops:
+            within.up_to[distance] = size
+            continue
         for index in range(near.size):
             via = near.number[index]
             if tick - heard.tick[via] > rules.memory_ticks:
@@ -85,10 +110,13 @@ def chain_displacements(
             first = 0 if distance == 2 else heard.one_hop[via]
             last = heard.one_hop[via] if distance == 2 else heard.known_count[via]
             for entry in range(first, last):
-                other = heard.known[via, entry]
-                if hops[other] < distance or heard.tick[via] <= freshest[other]:
+                other = int(np.int64(heard.known[via, entry]))
+                if hops[other] < distance or (hops[other] == distance and heard.tick[via] <= freshest[other]):
                     continue
+                if hops[other] == UNKNOWN:
+                    size = _put(within.number, within.up_to[distance - 1], size, other)
                 freshest[other] = heard.tick[via]
                 hops[other] = distance
                 rel[other, 0] = near.rel[index, 0] + heard.displacement[via, entry, 0]
                 rel[other, 1] = near.rel[index, 1] + heard.displacement[via, entry, 1]
+        within.up_to[distance] = size

@@ -27,6 +27,7 @@ from world import plant as physics
 from world.digest import Digests
 from world.medium import information_bound as information_bound
 from world.medium import medium
+from world.order import any_order
 from world.outcome import Judgement, Outcome, StruckOff
 
 
@@ -107,7 +108,7 @@ class WorldCore:
         self._bound = information_bound.empty_information_bound(
             worlds if watched or any(mission.faults for mission in missions) else 0, agents, self.ring
         )
-        limits, layout = first.limits, self.layout
+        limits, layout, by_x = first.limits, self.layout, any_order(worlds, agents)
         self._stage = by_reference(
             tick.Stage(
                 medium.Clocks(
@@ -119,7 +120,7 @@ class WorldCore:
                 self.target,
                 first.target.speed_mps,
                 physics.Bodies(
-                    self.flying, self.position, self.velocity, self.command, self.condition.ability
+                    self.flying, self.position, self.velocity, self.command, self.condition.ability, by_x
                 ),
                 physics.Ground(self.goal_x, self.obstacle_count, self.obstacles),
                 limits.acceleration_mps2,
@@ -130,7 +131,7 @@ class WorldCore:
                 link,
                 medium.Air(
                     self.flying, self.condition.group, self.condition.loss, self.position,
-                    np.zeros(self.shape, np.int64), self.fates,
+                    np.zeros(self.shape, np.int64), self.fates, by_x,
                 ),
                 np.zeros((worlds, agents, agents), np.bool_),
                 queue,

@@ -50,6 +50,31 @@ class Watched:
     undone: int
 
 
+class _Views:
+    """What those believe that know the same swaps: ``of`` drone -> view, and how many believe each."""
+
+    def __init__(self) -> None:
+        self.of: dict[int, bytes] = {}
+        self.votes: Counter[bytes] = Counter()
+
+    def put(self, agent: int, view: bytes) -> None:
+        """This drone believes this."""
+        if (before := self.of.get(agent)) is not None:
+            self._withdraw(before)
+        self.of[agent] = view
+        self.votes[view] += 1
+
+    def drop(self, agent: int) -> None:
+        """What this drone believes counts no more."""
+        if (view := self.of.pop(agent, None)) is not None:
+            self._withdraw(view)
+
+    def _withdraw(self, view: bytes) -> None:
+        self.votes[view] -= 1
+        if not self.votes[view]:
+            del self.votes[view]
+
+
 class Invariants:
     """Collects the views of N drones as they change.
 
@@ -62,7 +87,7 @@ class Invariants:
         self._agents = agents
         self._initial, self.says = initial_slots, initial_slots.astype(np.int64)
         self._status: dict[int, AgentStatus] = {}
-        self._view_of: defaultdict[int, dict[int, bytes]] = defaultdict(dict)  # by digest and drone
+        self._views_of: defaultdict[int, _Views] = defaultdict(_Views)  # by digest
         self._told: defaultdict[int, deque[int]] = defaultdict(deque)  # by drone: the digests of its accounts
         # By drone: its last account since it began and the tick of that; (tick, swaps) that it made lately.
         self._account: dict[int, tuple[int, AgentStatus]] = {}
@@ -125,10 +150,10 @@ class Invariants:
             self._withdraw(agent, digest)
 
     def _withdraw(self, agent: int, digest: int) -> None:
-        views = self._view_of[digest]
-        views.pop(agent, None)
-        if not views:
-            del self._view_of[digest]
+        views = self._views_of[digest]
+        views.drop(agent)
+        if not views.of:
+            del self._views_of[digest]
 
     def _discredit(self, tick: int, agent: int, rule: str, how: str) -> tuple[int, str]:
         self.breach = self.breach or f"{rule} broken at tick {tick}: agent {agent} {how}"
@@ -163,35 +188,38 @@ class Invariants:
 
     def _compare(self, tick: int, agent: int, status: AgentStatus) -> Discredited:
         """Hold a possible account against those of others who know the same."""
-        views, told = self._view_of[status.digest], self._told[agent]
-        if agent not in views:
+        views, told = self._views_of[status.digest], self._told[agent]
+        if agent not in views.of:
             told.append(status.digest)
             if len(told) > _REMEMBERED:
                 self._withdraw(agent, told.popleft())
-        views[agent] = status.view
-        if len(set(views.values())) == 1:
+        views.put(agent, status.view)
+        if len(views.votes) == 1:
             return []
-        (most, votes), (_, others) = Counter(views.values()).most_common(2)
+        (most, votes), (_, others) = views.votes.most_common(2)
         if votes == others:
             return []
-        outvoted = [other for other, view in views.items() if view != most]
-        first = next(other for other, view in views.items() if view == most)
+        outvoted = [other for other, view in views.of.items() if view != most]
+        first = next(other for other, view in views.of.items() if view == most)
         return [
             self._discredit(
-                tick, other, "agreement", f"knows what agent {first} knows but believes {list(views[other])}"
+                tick,
+                other,
+                "agreement",
+                f"knows what agent {first} knows but believes {list(views.of[other])}",
             )
             for other in outvoted
         ]
 
     def _undecided(self) -> str | None:
         """A contradiction of which nobody can tell who is wrong."""
-        for views in self._view_of.values():
-            first, *others = views
-            for other in others:
-                if views[other] != views[first]:
+        for views in self._views_of.values():
+            first, *others = views.of.items()
+            for other, view in others:
+                if view != first[1]:
                     return (
-                        f"agreement broken: agents {first} and {other} know the same swaps but believe "
-                        f"{list(views[first])} and {list(views[other])}"
+                        f"agreement broken: agents {first[0]} and {other} know the same swaps but believe "
+                        f"{list(first[1])} and {list(view)}"
                     )
         return None
 

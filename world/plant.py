@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from protocols.dynamics import Vector, integrate
 from protocols.kernels import inlined_kernel, kernel
 from protocols.wire.sensed import Sensed
+from world.order import put_in_order
 
 
 class Bodies(NamedTuple):
     """The drones of E worlds.
 
     flying: (E, N). position [m], velocity [m/s], command [m/s^2]: (E, N, 2). ability: (E, N)
-    share of its limits that a drone has.
+    share of its limits that a drone has. by_x: (E, N) drone numbers (world.order).
     """
 
     flying: NDArray[np.bool_]
@@ -23,6 +24,7 @@ class Bodies(NamedTuple):
     velocity: NDArray[np.float64]
     command: NDArray[np.float64]
     ability: NDArray[np.float64]
+    by_x: NDArray[np.int64]
 
 
 class Ground(NamedTuple):
@@ -59,15 +61,47 @@ def move(active: NDArray[np.bool_], bodies: Bodies, a_max: float, v_max: float, 
 
 
 @inlined_kernel
-def _see(sensed: Sensed, row: int, other: int, place: Vector, speed: Vector) -> None:
-    """Row ``row`` senses drone ``other`` if there is room for one more."""
-    count = sensed.near_count[row]
-    if count < sensed.near.shape[1]:
-        near = sensed.near[row, count]
-        near["number"] = other
-        near["x"], near["y"] = place
-        near["vx"], near["vy"] = speed
-        sensed.near_count[row] = count + 1
+def _note(sensed: Sensed, row: int, other: int) -> None:
+    """Row ``row`` senses drone ``other``, if there is room for one more or others have higher numbers."""
+    near, count = sensed.near, sensed.near_count[row]
+    at = count if count < near.shape[1] else count - 1
+    if at < count and near[row, at]["number"] < other:
+        return
+    while at > 0 and near[row, at - 1]["number"] > other:
+        near[row, at]["number"] = near[row, at - 1]["number"]
+        at -= 1
+    near[row, at]["number"] = other
+    sensed.near_count[row] = min(count + 1, near.shape[1])
+
+
+@inlined_kernel
+def _note_near(world: int, place: int, bodies: Bodies, reach: float, sensed: Sensed) -> None:
+    """Whom the drone at this place in the order senses, by rising number."""
+    flying, position, by_x = bodies.flying, bodies.position, bodies.by_x
+    agent = by_x[world, place]
+    row, px, py = (
+        world * flying.shape[1] + agent,
+        position[world, agent, 0],
+        position[world, agent, 1],
+    )
+    for step in range(-1, 2, 2):
+        at = place + step
+        while 0 <= at < flying.shape[1]:
+            other = by_x[world, at]
+            dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
+            if dx * dx > reach * reach:
+                break
+            if dx * dx + dy * dy <= reach * reach and flying[world, other]:
+                _note(sensed, row, other)
+            at += step
+
+
+@inlined_kernel
+def _between(vectors: NDArray[np.float64], agent: int, other: int) -> Vector:
+    """What lies from one drone to the other; seen from both it is the same, but for the sign, also of nothing."""
+    one, two = min(agent, other), max(agent, other)
+    x, y = vectors[two, 0] - vectors[one, 0], vectors[two, 1] - vectors[one, 1]
+    return (x, y) if agent < other else (-x, -y)
 
 
 @inlined_kernel
@@ -80,7 +114,10 @@ def sense_world(
     first = world * agents
     for row in range(first, first + agents):
         sensed.near_count[row] = 0
-    for agent in range(agents):
+    if neighbours_sensed:
+        put_in_order(bodies.by_x[world], position[world])
+    for place in range(agents):
+        agent = bodies.by_x[world, place]
         if not flying[world, agent]:
             continue
         row = first + agent
@@ -88,12 +125,12 @@ def sense_world(
         vx, vy = velocity[world, agent, 0], velocity[world, agent, 1]
         sensed.position[row, 0], sensed.position[row, 1] = px, py
         sensed.velocity[row, 0], sensed.velocity[row, 1] = vx, vy
-        for other in range(agent + 1 if neighbours_sensed else agents, agents):  # each pair once, for both
-            dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
-            if dx * dx + dy * dy <= reach * reach and flying[world, other]:
-                wx, wy = velocity[world, other, 0] - vx, velocity[world, other, 1] - vy
-                _see(sensed, row, other, (dx, dy), (wx, wy))
-                _see(sensed, first + other, agent, (-dx, -dy), (-wx, -wy))
+        if neighbours_sensed:
+            _note_near(world, place, bodies, reach, sensed)
+        for index in range(sensed.near_count[row]):
+            near = sensed.near[row, index]
+            near["x"], near["y"] = _between(position[world], agent, near["number"])
+            near["vx"], near["vy"] = _between(velocity[world], agent, near["number"])
         count = 0
         for index in range(ground.obstacle_count[world]):
             disc = ground.obstacles[world, index]

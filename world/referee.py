@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
+from world.order import put_in_order
 from world.plant import Bodies, Ground
 
 
@@ -83,6 +84,28 @@ def empty_findings(worlds: int, agents: int) -> Findings:
 
 
 @inlined_kernel
+def _nearest(world: int, place: int, bodies: Bodies) -> tuple[float, int]:
+    """The square of the distance from the drone at this place in the order to the nearest other [m^2], and which that is: of
+    several the one with the lowest number; infinity and -1 if there is none."""
+    flying, position, by_x = bodies.flying, bodies.position, bodies.by_x
+    agent = by_x[world, place]
+    px, py = position[world, agent, 0], position[world, agent, 1]
+    least, nearest = np.inf, -1
+    for step in range(-1, 2, 2):
+        at = place + step
+        while 0 <= at < flying.shape[1]:
+            other = by_x[world, at]
+            dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
+            if dx * dx > least:
+                break
+            gap2 = dx * dx + dy * dy
+            if flying[world, other] and (gap2 < least or (gap2 == least and other < nearest)):
+                least, nearest = gap2, other
+            at += step
+    return least, nearest
+
+
+@inlined_kernel
 def judge_world(
     world: int, bodies: Bodies, claim: NDArray[np.int16], ground: Ground, target_x: float, standard: Standard,
     findings: Findings, holder: NDArray[np.int64],
@@ -99,21 +122,18 @@ def judge_world(
     anyone, passed = False, True
     for agent in range(agents):
         nearest[world, agent], edge_error[world, agent], holder[agent] = np.inf, 0.0, -1
-    for agent in range(agents):  # pairs, by squares of distances
+    put_in_order(bodies.by_x[world], position[world])
+    for place in range(agents):
+        agent = bodies.by_x[world, place]
         if not flying[world, agent]:
             continue
-        px, py = position[world, agent, 0], position[world, agent, 1]
-        nearest2 = nearest[world, agent]
-        for other in range(agent + 1, agents):
-            if flying[world, other]:
-                dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
-                gap2 = dx * dx + dy * dy
-                nearest[world, other] = min(nearest[world, other], gap2)
-                if gap2 < nearest2:
-                    nearest2 = gap2
-                    if gap2 < closest:
-                        closest, first, second = gap2, agent, other
-        nearest[world, agent] = math.sqrt(nearest2)
+        gap2, other = _nearest(world, place, bodies)
+        nearest[world, agent] = math.sqrt(gap2)
+        a, b = min(agent, other), max(agent, other)
+        if other >= 0 and (
+            gap2 < closest or (gap2 == closest and (a < first or (a == first and b < second)))
+        ):
+            closest, first, second = gap2, a, b
     closest = math.sqrt(closest)
     for agent in range(agents):
         if not flying[world, agent]:

@@ -90,7 +90,9 @@ class SlotBook:
             raise ValueError(f"not an assignment of agents to as many slots: {initial}")
         self.digest = int.from_bytes(blake2b(pack_slots(initial), digest_size=8).digest(), "little")
         self._initial, self.settled, self._agreed_clock = tuple(initial), 0, 0
-        self._replay(())
+        self.ops = ()
+        self._index_all(())
+        self._replay()
 
     @property
     def clock(self) -> int:
@@ -128,20 +130,18 @@ class SlotBook:
                 return False
             ops = tuple(other for other in ops if other != taken[-1])
             self.digest = (self.digest - hash_swap(taken[-1])) & _MASK
+            self._index_all(ops)
         at = bisect_left(ops, op)
         self.digest = (self.digest + hash_swap(op)) & _MASK
         if not op.taken:
             self._agreed_clock = max(self._agreed_clock, op.counter)
         self.settled = min(self.settled, at)
-        after = (*ops[:at], op, *ops[at:])
-        if (
-            op.taken
-            or self._takings
-            or any(self._last_of.get(slot, op) > op for slot in (op.slot_a, op.slot_b))
-        ):
-            self._replay(after)
+        self.ops = (*ops[:at], op, *ops[at:])
+        self._index(op)
+        if self._takings or self._last_of[op.slot_a] > op or self._last_of[op.slot_b] > op:
+            self._replay()
         else:
-            self._go_on(after, op)
+            self._go_on(op)
         return True
 
     def settle(self) -> None:
@@ -166,31 +166,32 @@ class SlotBook:
 
     def _check(self, op: Swap) -> None:
         n = len(self._initial)
-        named = (op.agent_a, op.slot_a, op.agent_b, op.slot_b)
-        if not all(0 <= number < n for number in named):
+        named = op.agent_a, op.slot_a, op.agent_b, op.slot_b
+        if min(named) < 0 or max(named) >= n:
             raise ValueError(f"no such agent or slot among {n}: {op}")
         if op.slot_a == op.slot_b or op.agent_a == op.agent_b or op.counter < 1 or op.nonce < 0:
             raise ValueError(f"not a swap: {op}")
 
-    def _go_on(self, ops: tuple[Swap, ...], op: Swap) -> None:
+    def _go_on(self, op: Swap) -> None:
         """The common case: those after the new swap know nothing of its slots, so the fold goes on from where it stands."""
-        self.ops = ops
-        self._index(op)
         occupant, slot_of = list(self.occupant), list(self.slot_of)
         if _apply(occupant, slot_of, op):
             self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
         else:
             self.skipped = self.skipped | {op}
 
-    def _replay(self, ops: tuple[Swap, ...]) -> None:
-        """Fold these from the start."""
-        void = _void(ops)
+    def _replay(self) -> None:
+        """Fold all of them from the start."""
+        ops, void = self.ops, _void(self.ops)
         occupant, slot_of = list(_inverse(self._initial)), list(self._initial)
-        self.ops, self._takings, self._swaps_of, self._last_of = ops, 0, {}, {}
-        for op in ops:
-            self._index(op)
         self.skipped = frozenset(op for op in ops if op in void or not _apply(occupant, slot_of, op))
         self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
+
+    def _index_all(self, ops: Sequence[Swap]) -> None:
+        """Find these, and no others."""
+        self._takings, self._swaps_of, self._last_of = 0, {}, {}
+        for op in ops:
+            self._index(op)
 
     def _index(self, op: Swap) -> None:
         """Find this swap by its agents and its slots, too."""

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from protocols.dynamics import Vector
 from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
-from protocols.relative import UNKNOWN, RadioRules
+from protocols.relative import UNKNOWN, RadioRules, Within
 
 OFF, TREE, CONTACT = 0, 1, 2
 RULES = {"off": OFF, "tree": TREE, "contact": CONTACT}
@@ -52,7 +52,8 @@ class Shape(NamedTuple):
 
 class Known(NamedTuple):
     """What one drone knows of all N: slot_of, occupant: who holds which slot. heard_tick: of the last frame from each.
-    last_seen: tick at which anybody last heard each. hops, rel: how many hops away each is and where, relative to me [m]."""
+    last_seen: tick at which anybody last heard each. hops, rel: how many hops away each is and where, relative to me [m].
+    within: the same, for who has few hops."""
 
     slot_of: NDArray[np.int64]
     occupant: NDArray[np.int64]
@@ -60,6 +61,7 @@ class Known(NamedTuple):
     last_seen: NDArray[np.int64]
     hops: NDArray[np.int64]
     rel: NDArray[np.float64]
+    within: Within
 
 
 @inlined_kernel
@@ -138,8 +140,9 @@ def swap_partner(
     offsets, parent, depth, rel = shape.offsets, shape.parent, shape.depth, known.rel
     mine = known.slot_of[me]
     best, best_gain = NOBODY, 0.0
-    for other in range(known.slot_of.shape[0]):
-        if known.hops[other] != 1 or tick - known.heard_tick[other] > radio.memory_ticks:
+    for index in range(known.within.up_to[1]):
+        other = known.within.number[index]
+        if tick - known.heard_tick[other] > radio.memory_ticks:
             continue
         theirs = known.slot_of[other]
         dx, dy = offsets[theirs, 0] - offsets[mine, 0], offsets[theirs, 1] - offsets[mine, 1]

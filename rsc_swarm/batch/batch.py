@@ -24,6 +24,7 @@ from rsc_swarm.batch import kernel as kernels
 from rsc_swarm.batch import stage as stages
 from rsc_swarm.batch.stage import ANALYTIC, EXPERT, FLYING, PAST, PLAN
 from world import field, referee
+from world.order import any_order
 from world.outcome import Outcome
 
 NEIGHBOURS = COUNTED  # noted per drone and tick
@@ -93,6 +94,7 @@ class Batch:
             velocity=np.zeros((*both, 2)),
             command=np.zeros((*both, 2)),
             ability=np.ones(both),
+            by_x=any_order(worlds, agents),
             claim=np.zeros(both, np.int16),
             obstacle_count=np.zeros(worlds, np.int64),
             obstacles=np.zeros((worlds, MAX_OBSTACLES, 3)),

@@ -31,6 +31,7 @@ class Stage(NamedTuple):
     velocity: NDArray[np.float64]
     command: NDArray[np.float64]
     ability: NDArray[np.float64]
+    by_x: NDArray[np.int64]
     claim: NDArray[np.int16]
     obstacle_count: NDArray[np.int64]
     obstacles: NDArray[np.float64]
@@ -82,7 +83,7 @@ class Scratch(NamedTuple):
 @inlined_kernel
 def bodies_of(stage: Stage) -> Bodies:
     """The drones as nature has them."""
-    return Bodies(stage.flying, stage.position, stage.velocity, stage.command, stage.ability)
+    return Bodies(stage.flying, stage.position, stage.velocity, stage.command, stage.ability, stage.by_x)
 
 
 @inlined_kernel

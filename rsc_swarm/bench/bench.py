@@ -78,13 +78,15 @@ def bench(
     figures["in_one_process"] = {}
     for size in _CURVE:
         say(f"{size} drones in one process")
-        figures["in_one_process"][size] = _in_one_process(_mission(size, quick))
+        figures["in_one_process"][size] = _in_one_process(
+            _mission(size, quick) if quick else Mission(agents=size)
+        )
     say("the policy's model")
     return figures | _model_call()  # last: a process that has opened a model must not fork
 
 
 def _mission(agents: int, quick: bool) -> Mission:
-    """Of the largest swarms only the beginning is flown: the whole takes ten minutes."""
+    """Of the largest swarms only the beginning is flown in processes: the whole takes ten minutes."""
     return Mission(
         agents=agents, fly_s=10.0 if agents > _LARGE else 5.0 if quick and agents == _LARGE else None
     )

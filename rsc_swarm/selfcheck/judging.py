@@ -5,6 +5,7 @@ import numpy as np
 from protocols.dynamics import target_x
 from protocols.mission.document import Mission
 from world import plant, referee
+from world.order import any_order
 from world.outcome import Judgement, Outcome
 from world.outlets.trajectory import Trajectory
 
@@ -27,7 +28,9 @@ def without(mission: Mission, flown: Trajectory, outsider: int) -> Outcome:
     while not judgement.over and tick + 1 < len(flown.positions):
         tick += 1
         position, claim = flown.positions[tick][None].copy(), flown.slots[tick][None].copy()
-        bodies = plant.Bodies(flying[tick][None], position, nothing, nothing, np.ones((1, agents)))
+        bodies = plant.Bodies(
+            flying[tick][None], position, nothing, nothing, np.ones((1, agents)), any_order(1, agents)
+        )
         target = np.array([target_x(tick, mission.target.speed_mps)])
         referee.judge(active, bodies, claim, ground, target, standard, found)
         judgement.settle(tick, referee.Verdict._make(found.verdict[0].tolist()), position[0])

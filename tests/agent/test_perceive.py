@@ -11,6 +11,7 @@ from protocols.mission.document import parse_mission
 from protocols.relative import NEVER, UNKNOWN, RadioRules
 from protocols.wire.frames import AGE_NEVER, OBSERVATION_UNIT, Frames, empty_frames
 from protocols.wire.sensed import empty_sensed
+from tests.hops import within
 from tests.parts import empty_parts
 
 N = 10
@@ -182,6 +183,8 @@ def composed(hops: dict[int, int], tick: int = 512, max_hops: int = 3, me: int =
     memory.hops[0] = UNKNOWN
     for other, distance in hops.items():
         memory.hops[0, other], memory.rel[0, other] = distance, [other, -other]
+    known = within(memory.hops[0])
+    memory.within[0, : len(known.number)], memory.within_up_to[0] = known
     memory.last_seen[0] = np.arange(N) * 10 + tick - 100
     sensed.position[0], sensed.velocity[0] = [1.5, 2.5], [3.5, 4.5]
     work.observation[0, :3] = [0.5, -20.0, 20.0]

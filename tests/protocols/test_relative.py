@@ -6,7 +6,16 @@ from numpy.typing import NDArray
 
 from agent.policy import Seen
 from protocols.mission.document import Mission, parse_mission
-from protocols.relative import NEVER, UNKNOWN, Heard, Nearby, RadioRules, chain_displacements
+from protocols.relative import (
+    MAX_HOPS,
+    NEVER,
+    UNKNOWN,
+    Heard,
+    Nearby,
+    RadioRules,
+    Within,
+    chain_displacements,
+)
 from rsc_swarm.flight.simulate import Simulation
 
 Said = dict[int, tuple[int, dict[int, tuple[float, float]], dict[int, tuple[float, float]]]]
@@ -31,9 +40,13 @@ def relate(
     near_id, near_rel = np.array([*near, -1]), np.array([*near.values(), (0.0, 0.0)])
     rules = RadioRules(range_m=6.0, memory_ticks=memory, max_hops=max_hops, speed_mps=10.0)
     said = Heard(heard_tick, one_hop, count, known, displacement)
+    within = Within(np.arange(agents), np.full(MAX_HOPS + 1, agents))
     chain_displacements(
-        0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel, np.zeros_like(hops)
+        0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel, np.zeros_like(hops), within
     )
+    for distance in range(1, max_hops + 1):
+        first, last = within.up_to[distance - 1] if distance > 1 else 0, within.up_to[distance]
+        assert within.number[first:last].tolist() == np.flatnonzero(hops == distance).tolist()
     return hops.tolist(), rel
 
 

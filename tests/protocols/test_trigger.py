@@ -21,6 +21,7 @@ from protocols.slots.trigger import (
     tree_gain,
     vacancy_to_fill,
 )
+from tests.hops import within
 
 METRES = st.floats(-20, 20)
 VECTOR = st.tuples(METRES, METRES)
@@ -79,7 +80,10 @@ def ask(me: int, rule: int, places: list[float], fresh: bool = True, connected: 
     slots = np.arange(5)
     error = LINE.offsets[me, 1] - y[me]
     rules = SwapRules(rule=rule, margin_m=0.5, connected=connected, silent_ticks=400)
-    shape, known = Shape(LINE.offsets, LINE.parent, DEPTH), Known(slots, slots, heard, heard, hops, rel)
+    shape, known = (
+        Shape(LINE.offsets, LINE.parent, DEPTH),
+        Known(slots, slots, heard, heard, hops, rel, within(hops)),
+    )
     asked = swap_partner(me, 100, rules, RADIO, (0.0, error), shape, known)
     return int(asked)
 
@@ -164,7 +168,7 @@ def vacancy(
     error = tuple(star.offsets[me] - points[me])
     shape, known = (
         Shape(star.offsets, star.parent, slots),
-        Known(slots, slots, last_seen, last_seen, hops, rel),
+        Known(slots, slots, last_seen, last_seen, hops, rel, within(hops)),
     )
     rules = SwapRules(rule=CONTACT, margin_m=0.5, connected=False, silent_ticks=400)
     return int(vacancy_to_fill(me, 1000, rules, RADIO, error, shape, known))

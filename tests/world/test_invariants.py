@@ -89,7 +89,7 @@ def test_accounts_without_end_do_not_fill_the_memory() -> None:
     watch = watch_of((FIRST, 7))
     for number in range(2000):
         watch.see(number, 0, account(0, FIRST, 1000 + number))
-    assert len(watch._view_of) <= 257
+    assert len(watch._views_of) <= 257
 
 
 def test_equal_views_of_unequal_knowledge_are_none() -> None:

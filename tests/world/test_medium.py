@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from protocols.mission.document import Mission, parse_mission
 from world.medium import chance, medium
+from world.order import any_order
 
 Frame = tuple[int, int, int, int]  # sent at, from, to, arrived at
 
@@ -34,6 +35,7 @@ class Air:
         self.position = (square(agents) if position is None else np.asarray(position, np.float64))[None]
         self.group = np.zeros((1, agents), np.int16)
         self.loss = np.array([task.radio.loss])
+        self.by_x = any_order(1, agents)
         self.fates = np.full((1, agents, agents, len(medium.FATES)), medium.LONG_AGO, np.int32)
         self.alive = np.ones((1, agents), np.bool_)
         self.tally = np.zeros((1, len(medium.TALLY)), np.int64)
@@ -51,7 +53,7 @@ class Air:
 
     def air(self) -> medium.Air:
         sent = np.full(self.alive.shape, 100, np.int64)
-        return medium.Air(self.alive, self.group, self.loss, self.position, sent, self.fates)
+        return medium.Air(self.alive, self.group, self.loss, self.position, sent, self.fates, self.by_x)
 
     def fly(self, ticks: int) -> "Air":
         agents = self.alive.shape[1]

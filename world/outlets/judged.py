@@ -4,6 +4,7 @@ import numpy as np
 
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission
+from world.order import any_order
 from world.outlets.trajectory import Trajectory
 from world.plant import Bodies, Ground
 from world.referee import Findings, Standard, empty_findings, judge
@@ -16,7 +17,14 @@ def findings_of(path: Trajectory, mission: Mission) -> Findings:
     """
     rows, agents = path.flying.shape
     still = np.zeros((rows, agents, 2))
-    bodies = Bodies(path.flying.copy(), path.positions.copy(), still, still, np.ones((rows, agents)))
+    bodies = Bodies(
+        path.flying.copy(),
+        path.positions.copy(),
+        still,
+        still,
+        np.ones((rows, agents)),
+        any_order(rows, agents),
+    )
     discs = np.tile(path.obstacles, (rows, 1, 1)) if len(path.obstacles) else np.zeros((rows, 1, 3))
     ground = Ground(np.full(rows, path.goal_x), np.full(rows, len(path.obstacles), np.int64), discs)
     layout = mission.layout

@@ -1,0 +1,27 @@
+"""The drones of a world in order of x, so that whoever is near another is found among its neighbours there.
+
+A drone moves little in a tick, so that the order of the tick before is nearly right. Whoever looks for drones near others brings
+it up to date first, and then looks along it to both sides until the distance in x alone is too large.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.kernels import inlined_kernel
+
+
+def any_order(worlds: int, agents: int) -> NDArray[np.int64]:
+    """(E, N) drone numbers, to be put in order."""
+    return np.tile(np.arange(agents), (worlds, 1))
+
+
+@inlined_kernel
+def put_in_order(by_x: NDArray[np.int64], position: NDArray[np.float64]) -> None:
+    """Put the numbers (N,) of one world's drones in order of their x; position: (N, 2) [m]."""
+    for place in range(1, by_x.shape[0]):
+        agent = by_x[place]
+        x, at = position[agent, 0], place
+        while at > 0 and position[by_x[at - 1], 0] > x:
+            by_x[at] = by_x[at - 1]
+            at -= 1
+        by_x[at] = agent
