@@ -9,7 +9,7 @@ from agent.relay import fixed_point, mean_over_neighbours
 from agent.tick_arrays import Rules, Work
 from protocols.dynamics import TICK_S, vector
 from protocols.kernels import inlined_kernel
-from protocols.relative import Heard, Nearby, RadioRules, chain_displacements
+from protocols.relative import Heard, Nearby, RadioRules, Ways, chain_displacements
 from protocols.wire.frames import (
     AGE_NEVER,
     AGE_UNIT_TICKS,
@@ -152,17 +152,8 @@ def perceive_row(
         memory.heard_tick[row], memory.heard_one_hop[row], memory.heard_count[row], memory.heard_known[row],
         memory.heard_displacement[row],
     )  # fmt: skip
-    chain_displacements(
-        me,
-        tick,
-        rules.radio,
-        near,
-        heard,
-        memory.hops[row],
-        memory.rel[row],
-        memory.freshest[row],
-        within_of(memory, row),
-    )
+    ways = Ways(memory.hops[row], memory.rel[row], memory.freshest[row], within_of(memory, row))
+    chain_displacements(me, tick, rules.radio, near, heard, ways)
     mean_over_neighbours(tick, row, rules.radio, memory, work.means[row])
     if not rules.by_sensor:
         keep_clear(memory, row, me, tick, sensed, rules)

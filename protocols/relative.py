@@ -63,6 +63,16 @@ class Within(NamedTuple):
     up_to: NDArray[np.int64]
 
 
+class Ways(NamedTuple):
+    """hops: (N,) to every drone. rel: (N, 2) its position relative to me [m], valid where hops < UNKNOWN. within: those.
+    freshest: (N,) room to work in."""
+
+    hops: NDArray[np.int64]
+    rel: NDArray[np.float64]
+    freshest: NDArray[np.int64]
+    within: Within
+
+
 @inlined_kernel
 def _put(number: NDArray[np.int64], first: int, size: int, new: int) -> int:
     """Put a number in its place among number[first:size], which rise; return how many there are then."""
@@ -81,23 +91,19 @@ def chain_displacements(
     rules: RadioRules,
     near: Nearby,
     heard: Heard,
-    hops: NDArray[np.int64],
-    rel: NDArray[np.float64],
-    freshest: NDArray[np.int64],
-    within: Within,
+    ways: Ways,
 ) -> None:
-    """Hops to every drone, (N,), and its position relative to me, (N, 2) [m], valid where hops < UNKNOWN; both are written.
-
-    freshest: (N,) room to work in. within: as it was left the last time, for these hops.
-    """
+    """Find the ways to all others; ``ways`` are those found the last time, and are written."""
+    hops, rel, freshest, within = ways.hops, ways.rel, ways.freshest, ways.within
     for index in range(within.up_to[-1]):
         hops[within.number[index]] = UNKNOWN
     hops[me], rel[me, 0], rel[me, 1] = 0, 0.0, 0.0
     size = 0
     for index in range(near.size):
         other = near.number[index]
+        if hops[other] > 1:
+            size = _put(within.number, 0, size, other)
         hops[other], rel[other, 0], rel[other, 1] = 1, near.rel[index, 0], near.rel[index, 1]
-        size = _put(within.number, 0, size, other)
     within.up_to[1] = size
     for distance in range(2, within.up_to.shape[0]):
         if distance > rules.max_hops:

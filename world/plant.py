@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from protocols.dynamics import Vector, integrate
 from protocols.kernels import inlined_kernel, kernel
 from protocols.wire.sensed import Sensed
-from world.order import put_in_order
+from world.order import put_in_order, span
 
 
 class Bodies(NamedTuple):
@@ -84,16 +84,12 @@ def _note_near(world: int, place: int, bodies: Bodies, reach: float, sensed: Sen
         position[world, agent, 0],
         position[world, agent, 1],
     )
-    for step in range(-1, 2, 2):
-        at = place + step
-        while 0 <= at < flying.shape[1]:
-            other = by_x[world, at]
-            dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
-            if dx * dx > reach * reach:
-                break
-            if dx * dx + dy * dy <= reach * reach and flying[world, other]:
-                _note(sensed, row, other)
-            at += step
+    first, last = span(by_x[world], position[world], place, reach)
+    for at in range(first, last):
+        other = by_x[world, at]
+        dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
+        if dx * dx + dy * dy <= reach * reach and flying[world, other] and other != agent:
+            _note(sensed, row, other)
 
 
 @inlined_kernel

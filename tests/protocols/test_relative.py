@@ -13,6 +13,7 @@ from protocols.relative import (
     Heard,
     Nearby,
     RadioRules,
+    Ways,
     Within,
     chain_displacements,
 )
@@ -41,9 +42,8 @@ def relate(
     rules = RadioRules(range_m=6.0, memory_ticks=memory, max_hops=max_hops, speed_mps=10.0)
     said = Heard(heard_tick, one_hop, count, known, displacement)
     within = Within(np.arange(agents), np.full(MAX_HOPS + 1, agents))
-    chain_displacements(
-        0, tick, rules, Nearby(len(near), near_id, near_rel), said, hops, rel, np.zeros_like(hops), within
-    )
+    ways = Ways(hops, rel, np.zeros_like(hops), within)
+    chain_displacements(0, tick, rules, Nearby(len(near), near_id, near_rel), said, ways)
     for distance in range(1, max_hops + 1):
         first, last = within.up_to[distance - 1] if distance > 1 else 0, within.up_to[distance]
         assert within.number[first:last].tolist() == np.flatnonzero(hops == distance).tolist()

@@ -277,12 +277,8 @@ def _regrets(party: SlotParty, liar: int | None) -> bool:
     """Whether a swap that it agreed to with an honest agent is turned off; without a liar, whether anything ever was."""
     if liar is None:
         return party.counts.undone > 0
-    mine = (
-        op
-        for op in party.book.skipped
-        if party.me in (op.agent_a, op.agent_b) and liar not in (op.agent_a, op.agent_b)
-    )
-    return any(not op.taken for op in mine)
+    mine = (op for op in party.book.swaps_of(party.me) if liar not in (op.agent_a, op.agent_b))
+    return any(op in party.book.skipped and not op.taken for op in mine)
 
 
 def search(alphabet: Alphabet) -> Found:

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.kernels import allocating_kernel, inlined_kernel, kernel
+from protocols.kernels import allocating_kernel, kernel
 from protocols.mission.document import Mission
 from world.medium import chance
-from world.order import put_in_order
+from world.order import put_in_order, span
 
 # Columns of the tally a medium keeps per world.
 (
@@ -206,16 +206,18 @@ def relay(
     Args:
         bad: (E, N, N) channel states, updated. queue, tally (E, 11): updated.
     """
-    alive, sent_bytes, by_x = air.alive, air.sent_bytes, air.by_x
+    alive, position, sent_bytes, fates, by_x = air.alive, air.position, air.sent_bytes, air.fates, air.by_x
     worlds, agents = alive.shape
+    watched = fates.shape[1] > 0
+    reach = link.range_m * link.range_m
     place_of = np.empty(agents, np.int64)
     for world in range(worlds):
         if not clocks.active[world]:
             continue
+        seed, tick, receivers = clocks.seeds[world], clocks.ticks[world], 0
         if link.burst_enter > 0:
-            age_channels(link, clocks.seeds[world], clocks.ticks[world], bad[world])
-        put_in_order(by_x[world], air.position[world])
-        receivers = 0
+            age_channels(link, seed, tick, bad[world])
+        put_in_order(by_x[world], position[world])
         for place in range(agents):
             place_of[by_x[world, place]] = place
             receivers += alive[world, place]
@@ -225,61 +227,39 @@ def relay(
                 continue
             tally[world, SENT] += 1
             tally[world, SENT_BYTES] += size
-            in_range = 0
-            for step in range(-1, 2, 2):
-                in_range += _relay_to_side(
-                    world, source, place_of[source], step, link, clocks, air, bad, queue, tally
+            tally[world, OUT_OF_RANGE] += receivers - alive[world, source]  # but for those in range
+            first, last = span(by_x[world], position[world], place_of[source], link.range_m)
+            for place in range(first, last):
+                destination = by_x[world, place]
+                dx = position[world, source, 0] - position[world, destination, 0]
+                dy = position[world, source, 1] - position[world, destination, 1]
+                if dx * dx + dy * dy > reach or destination == source or not alive[world, destination]:
+                    continue
+                tally[world, OUT_OF_RANGE] -= 1
+                same_group = air.group[world, source] == air.group[world, destination]
+                rule = dropped_by(
+                    air.loss[world],
+                    seed,
+                    source,
+                    destination,
+                    tick,
+                    same_group,
+                    bad[world, source, destination],
                 )
-            tally[world, OUT_OF_RANGE] += receivers - alive[world, source] - in_range
-
-
-@inlined_kernel
-def _relay_to_side(
-    world: int, source: int, place: int, step: int, link: Link, clocks: Clocks, air: Air, bad: NDArray[np.bool_],
-    queue: Queue, tally: NDArray[np.int64],
-) -> int:  # fmt: skip
-    """Judge the frame of ``source``, which is at this place in the order of x, on its ways to those before (``step`` -1) or after
-    it (1); return how many of them are in range."""
-    position, reach, at, in_range = air.position, link.range_m * link.range_m, place + step, 0
-    while 0 <= at < air.alive.shape[1]:
-        destination = air.by_x[world, at]
-        at += step
-        dx = position[world, source, 0] - position[world, destination, 0]
-        dy = position[world, source, 1] - position[world, destination, 1]
-        if dx * dx > reach:
-            break
-        if dx * dx + dy * dy <= reach and air.alive[world, destination]:
-            in_range += 1
-            _relay_to(world, source, destination, link, clocks, air, bad, queue, tally)
-    return in_range
-
-
-@inlined_kernel
-def _relay_to(
-    world: int, source: int, destination: int, link: Link, clocks: Clocks, air: Air, bad: NDArray[np.bool_],
-    queue: Queue, tally: NDArray[np.int64],
-) -> None:  # fmt: skip
-    """What becomes of a frame on its way to one that is in range."""
-    seed, tick = clocks.seeds[world], clocks.ticks[world]
-    watched, fates = air.fates.shape[1] > 0, air.fates
-    same_group = air.group[world, source] == air.group[world, destination]
-    rule = dropped_by(
-        air.loss[world], seed, source, destination, tick, same_group, bad[world, source, destination]
-    )
-    if rule > 0:
-        tally[world, rule] += 1
-        if watched:
-            fates[world, source, destination, LOST] = tick
-        return
-    lag, held_back = ticks_under_way(link, seed, source, destination, tick)
-    if watched:
-        fates[world, source, destination, CARRIED if lag == 1 else DELAYED] = tick
-    _enqueue(queue, world, tick + lag, destination, source, tick)
-    tally[world, HELD_BACK] += held_back
-    lag_of_copy = copy_lag(link, seed, source, destination, tick)
-    if lag_of_copy > 0:
-        _enqueue(queue, world, tick + lag + lag_of_copy, destination, source, tick)
-        tally[world, DOUBLED] += 1
+                if rule > 0:
+                    tally[world, rule] += 1
+                    if watched:
+                        fates[world, source, destination, LOST] = tick
+                    continue
+                lag, held_back = ticks_under_way(link, seed, source, destination, tick)
+                if watched:
+                    fates[world, source, destination, CARRIED if lag == 1 else DELAYED] = tick
+                _enqueue(queue, world, tick + lag, destination, source, tick)
+                tally[world, HELD_BACK] += held_back
+                lag_of_copy = copy_lag(link, seed, source, destination, tick)
+                if lag_of_copy > 0:
+                    _enqueue(queue, world, tick + lag + lag_of_copy, destination, source, tick)
+                    tally[world, DOUBLED] += 1
 
 
 @allocating_kernel
