@@ -11,6 +11,7 @@ import ctypes
 import inspect
 import mmap
 import os
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +25,8 @@ import numpy as np
 from protocols.kept import Kept, is_ours
 from protocols.machine_code import MachineCode, Result, linked, number_kind
 
-_LINKER = "libllvmlite"
+# In /proc/self/smaps: where what is only read of a file lies, of which this process has changed nothing.
+_UNCHANGED = re.compile(r"^(\w+)-(\w+) r-[x-]p .* /.*\n(?:\w+: .*\n)*?Anonymous: +0 kB$", re.MULTILINE)
 _FORMATS = {"bool": "?7x", "int": "q", "uint": "Q", "float": "d"}  # of 64 bits each, as `struct` has them
 _LAYOUT = (
     0x0001 | 0x0002 | 0x0100 | 0x0400
@@ -280,16 +282,13 @@ def by_reference(group: T) -> T:
     return cast(T, Page(group)) if COMPILED else group
 
 
-def release_compiler() -> None:
-    """Give back the memory of the code that links and compiles, for when the kernels needed are loaded.
+def release_code() -> None:
+    """Give back the memory of code that only starting took, above all of what links and compiles, when all is loaded.
 
-    The code is a file's, so the system reads it again should it be called once more. Does nothing where there is no Linux.
+    What is given back is as it is in its file, and the system reads it again where it is used once more. Does nothing where there
+    is no Linux.
     """
-    maps = Path("/proc/self/maps")
-    for line in maps.read_text().splitlines() if maps.exists() else []:
-        span, access, *_, name = line.split()
-        if access == "r-xp" and _LINKER in name:
-            begin, end = (int(bound, 16) for bound in span.split("-"))
-            ctypes.CDLL(None).madvise(
-                ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), mmap.MADV_DONTNEED
-            )
+    told = Path("/proc/self/smaps")
+    for begin, end in _UNCHANGED.findall(told.read_text()) if told.exists() else []:
+        at, behind = int(begin, 16), int(end, 16)
+        ctypes.CDLL(None).madvise(ctypes.c_void_p(at), ctypes.c_size_t(behind - at), mmap.MADV_DONTNEED)
