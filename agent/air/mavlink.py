@@ -34,7 +34,7 @@ from protocols.wire.vehicles import Kind, Order
 _CONNECTION = re.compile(r"(udpin|udpout|tcp):[^:/?\s]+:\d{1,5}|serial:/[^:?\s]+:\d{1,8}", re.ASCII)
 _SYSTEM, _COMPONENT = 255, 191  # a ground station's number: ArduPilot's failsafe counts its heartbeats
 _STATION_S = 5.0  # a ground station speaks once a second
-_HEARTBEAT_S, _ASK_AGAIN_S, _CHECK_S, _SOON_S, _WAIT_S = 1.0, 0.5, 3.0, 0.015, 0.005
+_HEARTBEAT_S, _CALL_S, _ASK_AGAIN_S, _CHECK_S, _SOON_S, _WAIT_S = 1.0, 0.1, 0.5, 3.0, 0.015, 0.005
 _ASKED_TIMES = 3  # one may be lost
 _MOST_MESSAGES = 500  # read at one look
 # Messages by their numbers, and how often they are wanted: heartbeat, status, attitude, local position, extended state.
@@ -92,7 +92,7 @@ class MavlinkVehicle(Ordered):
         room = self._origin and (self._origin[0] / 1e7, self._origin[1] / 1e7)
         self._heard = Telemetry(self._address.system, self._address.autopilot, rig.start, room)
         self._leader: Leader | None = None
-        self._heartbeat_at = self._asked_at = self._checked_at = self._fly_at = -math.inf
+        self._heartbeat_at = self._called_at = self._asked_at = self._checked_at = self._fly_at = -math.inf
         self._asked_streams = 0
 
     # The port
@@ -181,6 +181,10 @@ class MavlinkVehicle(Ordered):
         if now - self._heartbeat_at >= _HEARTBEAT_S:
             self._heartbeat_at = now
             mav.heartbeat_send(18, 8, 0, 0, 4)  # a computer on board, itself no autopilot, active
+        if self._leader is None and now - self._called_at >= _CALL_S:
+            self._called_at = now
+            # All that hear: a heartbeat now, not within a second.
+            self._command(_SET_INTERVAL, 0, 1e6 / _STREAMS_HZ[0])
         if self._leader is None or now - self._asked_at < _ASK_AGAIN_S:
             return
         self._asked_at = now
