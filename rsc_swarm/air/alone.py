@@ -17,10 +17,11 @@ from agent.air.pilot import Phase
 from agent.air.reach import reach_of
 from agent.air.trouble import Trouble
 from agent.process import seals_of
+from protocols.errors import SwarmError
 from protocols.fleet.document import FleetError, host_of
 from protocols.fleet.plan import Plan
 from rsc_swarm.air.bodies import vehicle_of
-from rsc_swarm.air.folder import event_of, keep, next_folder
+from rsc_swarm.air.folder import check_folder, event_of, keep, next_folder
 from rsc_swarm.air.judged import rehearse_judging
 from rsc_swarm.flight.key_files import read_fleet_login
 from rsc_swarm.flight.warm_up import warm_up_drone
@@ -42,7 +43,8 @@ def fly_drone(
         key_file: its own keys, if the fleet has some.
 
     Raises:
-        FleetError: there is no such drone, or its body may not be reached so. agent.air.vehicle.VehicleError: its vehicle is not
+        FleetError: there is no such drone, or its body may not be reached so. rsc_swarm.flight.run_dir.RunDirError: nothing
+            can be kept in ``run_dir``. agent.air.vehicle.VehicleError: its vehicle is not
             there, or no longer.
         protocols.wire.keys.LinkError: its address cannot be listened at.
         rsc_swarm.flight.key_files.KeyFileError: of its keys. agent.policy.PolicyError: of its policy.
@@ -50,6 +52,8 @@ def fly_drone(
     if me >= plan.mission.agents:
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
     fleet, vehicle = plan.fleet, vehicle_of(plan, me, body)
+    if run_dir:
+        check_folder(run_dir)
     load(plan)
     address = fleet.address(me)
     check_free(
@@ -67,7 +71,10 @@ def fly_drone(
         _say(me, f"{phase} ({'; '.join(reasons)})")
         if phase in (Phase.GROUND, Phase.DEAD) and drone.log.rows and run_dir:
             events = [event_of(me, *event) for event in drone.events]
-            keep(next_folder(run_dir), plan, drone.log, events, drone=me, missed=drone.missed)
+            try:
+                keep(next_folder(run_dir), plan, drone.log, events, drone=me, missed=drone.missed)
+            except SwarmError as error:  # no reason to leave the air
+                _say(me, f"this flight is not kept: {error}")
 
     go_first()
     with leave_when_asked() as leave:

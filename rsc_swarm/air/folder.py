@@ -1,6 +1,7 @@
 """The run directory of flights on the air: one for each flight, 1, 2, ..., as a launch makes it (rsc_swarm.flight.run_dir)."""
 
 import json
+import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +13,23 @@ from protocols.fleet.plan import Plan
 from protocols.whole_file import write_whole
 from rsc_swarm.air.judged import Judged, judged, path_of
 from rsc_swarm.flight.events import End, events_of, json_lines
-from rsc_swarm.flight.run_dir import RunDir
+from rsc_swarm.flight.run_dir import RunDir, RunDirError
+
+
+def check_folder(path: Path) -> None:
+    """Before anything flies, for a flight is not flown again.
+
+    Raises:
+        rsc_swarm.flight.run_dir.RunDirError: nothing can be kept in ``path``.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise RunDirError(
+            f"--run-dir {path}: {error.strerror}; give a directory that can be written"
+        ) from None
 
 
 def next_folder(path: Path) -> RunDir:

@@ -10,6 +10,7 @@ from protocols.errors import ExitCode
 from protocols.fleet.plan import Plan
 from protocols.wire.keys import login_file
 from rsc_swarm.air.alone import fly_drone, load
+from rsc_swarm.air.folder import check_folder
 from rsc_swarm.air.radios import be_host, radios_of
 from rsc_swarm.flight.processes import Supervisor
 from rsc_swarm.machine.leaving import leave_when_asked
@@ -24,6 +25,8 @@ def fly_all(plan: Plan, keys: Path | None, run_dir: Path | None, troubles: dict[
     A drone that is gone is told of, and not started again: its vehicle is landing by its own failsafe. If this process is
     killed, the drones land too.
     """
+    if run_dir:
+        check_folder(run_dir)
     radios = radios_of(plan)
     for doubt in (doubt for radio in radios for doubt in radio.doubts):
         print(f"rsc-swarm: {doubt}", file=sys.stderr, flush=True)

@@ -1,5 +1,6 @@
 """The operator's process: hears every drone, says the orders, keeps the flight. A thin shell around Station."""
 
+import sys
 import time
 from collections.abc import Callable
 from importlib.metadata import version
@@ -7,10 +8,11 @@ from pathlib import Path
 
 from agent.air.clock import Utc
 from agent.air.peers import OPERATOR, AirLink, end_of
+from protocols.errors import SwarmError
 from protocols.fleet.document import host_of
 from protocols.fleet.plan import Plan
 from protocols.wire.operator import Order
-from rsc_swarm.air.folder import event_of, keep, next_folder
+from rsc_swarm.air.folder import check_folder, event_of, keep, next_folder
 from rsc_swarm.air.judged import Judged
 from rsc_swarm.air.station import Script, Station
 from rsc_swarm.flight.key_files import read_operator_login
@@ -38,8 +40,11 @@ def watch(
 
     Raises:
         protocols.wire.keys.LinkError: the operator's address cannot be listened at.
+        rsc_swarm.flight.run_dir.RunDirError: nothing can be kept in ``run_dir``.
         rsc_swarm.flight.key_files.KeyFileError: of the operator's keys.
     """
+    if run_dir:
+        check_folder(run_dir)
     go_first()
     clock = Utc()
     station = Station(plan, version("rsc-swarm"), clock.us())
@@ -74,9 +79,12 @@ def watch(
     if station.log.rows:
         events = [event_of(drone, utc_s, phase, why) for utc_s, drone, phase, why in station.events]
         missed = {drone: account.missed for drone, account in sorted(station.accounts.items())}
-        if run_dir:
-            outcome = keep(next_folder(run_dir), plan, station.log, events, missed=missed)
-        else:
+        try:
+            if run_dir:
+                outcome = keep(next_folder(run_dir), plan, station.log, events, missed=missed)
+        except SwarmError as error:  # it is told all the same
+            print(f"rsc-swarm: this flight is not kept: {error}", file=sys.stderr)
+        if outcome is None:
             from rsc_swarm.air.judged import judged, path_of
 
             outcome = judged(plan, path_of(plan, station.log))

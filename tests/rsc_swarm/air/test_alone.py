@@ -1,4 +1,4 @@
-"""A drone's process, before it flies."""
+"""Who flies, and the operator, before anything is flown."""
 
 import socket
 from pathlib import Path
@@ -9,6 +9,9 @@ from agent.air.trouble import Trouble
 from protocols.wire.keys import LinkError
 from rsc_swarm.air import alone
 from rsc_swarm.air.plans import read_plan
+from rsc_swarm.air.processes import fly_all
+from rsc_swarm.air.tower import watch
+from rsc_swarm.flight.run_dir import RunDirError
 from tests.scenarios.fleets import Fleet
 
 
@@ -24,3 +27,16 @@ def test_a_process_that_was_started_twice_leaves_its_vehicle_alone(
         first.bind((host, int(port)))
         with pytest.raises(LinkError, match=r"another program does\. Is this fleet in the air already"):
             alone.fly_drone(plan, 3, None, None, None, Trouble())
+
+
+@pytest.mark.parametrize("where", ["file", "file/beneath"])
+def test_where_no_flight_can_be_kept_nothing_is_flown(where: str, tmp_path: Path) -> None:
+    """After it would be too late."""
+    (tmp_path / "file").write_text("")
+    plan = read_plan(Fleet(tmp_path).file)
+    with pytest.raises(RunDirError, match=r"--run-dir .*; give a directory that can be written"):
+        alone.fly_drone(plan, 3, None, None, tmp_path / where, Trouble())
+    with pytest.raises(RunDirError):
+        fly_all(plan, None, tmp_path / where, {})
+    with pytest.raises(RunDirError):
+        watch(plan, None, lambda *_: False, None, tmp_path / where)
