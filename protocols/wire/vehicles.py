@@ -65,13 +65,15 @@ class Ill(IntFlag):
     NO_POSITION = 2
     LOCKED = 4
     TURNED_OVER = 8
+    REFUSES = 16
 
 
 WORDS = {
     Ill.NO_LINK: "nothing comes from the vehicle",
     Ill.NO_POSITION: "it is not sure of its position",
-    Ill.LOCKED: "locked after a failsafe: switch it off and on",
+    Ill.LOCKED: "locked after a failsafe or a crash: switch it off and on",
     Ill.TURNED_OVER: "it lies on its side",
+    Ill.REFUSES: "it cannot be armed: its console in cfclient says why",
 }
 
 

@@ -122,6 +122,7 @@ class Care:
             Ill.NO_POSITION: age_s > silent_s + _UNSURE_S,
             Ill.LOCKED: seen.locked,
             Ill.TURNED_OVER: self.line.tumbled,
+            Ill.REFUSES: self.line.refuses,
         }
         account = Account(
             mode=keeper.mode,

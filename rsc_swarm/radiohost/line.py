@@ -27,7 +27,8 @@ _LOST_PACKETS = 2000  # in a row, some seconds of them: then cflib gives the lin
 _REACH_M = 32.0  # positions travel as 16 bits of millimetres
 _UINT8, _MELLINGER = 0x08, 2  # it tracks a way four to six times closer than the PID
 _UNSURE = 0.1**2  # m²: an estimate whose variance is larger than this is none
-_IS_ARMED, _ARMS_ITSELF, _IS_FLYING, _IS_TUMBLED, _IS_LOCKED = (1 << bit for bit in (1, 2, 4, 5, 6))
+_MAY_ARM, _IS_ARMED, _ARMS_ITSELF, _IS_FLYING, _IS_TUMBLED = (1 << bit for bit in (0, 1, 2, 4, 5))
+_IS_LOCKED = 1 << 6 | 1 << 7  # or crashed
 # All that is needed fits into the 26 bytes of one packet.
 _LOGGED = {
     **{f"stateEstimateZ.{name}": "int16_t" for name in ("x", "y", "z", "vx", "vy", "vz")},
@@ -78,7 +79,7 @@ class Line:
 
     Attributes:
         seen: what it said last of itself; None before the first. sure_at: when it was last sure of its position [s].
-        tumbled: whether it lies on its side.
+        tumbled: whether it lies on its side. refuses: whether it cannot be armed for another reason.
     """
 
     def __init__(self, uri: str, told: Callable[[], None], cache: Path | None = None) -> None:
@@ -88,7 +89,7 @@ class Line:
         self._cf: Any = None
         self._refusal = ""  # why there is no dongle
         self.seen: Seen | None = None
-        self.sure_at, self.tumbled = -math.inf, False
+        self.sure_at, self.tumbled, self.refuses = -math.inf, False, False
 
     def open(self, timeout_s: float) -> None:
         """Reach it, set its controller, and let it speak.
@@ -198,6 +199,7 @@ class Line:
         if max(data["kalman.varPX"], data["kalman.varPY"]) < _UNSURE:
             self.sure_at = now
         self.tumbled = bool(bits & _IS_TUMBLED)
+        self.refuses = not bits & (_MAY_ARM | _IS_ARMED | _IS_TUMBLED | _IS_LOCKED)
         self.seen = Seen(
             at=now,
             p=(x, y, z),

@@ -40,7 +40,7 @@ class FakeCrazyflie:
     Attributes that a test may set:
         frozen: its position is no longer measured: the estimate stays where it is and its variance grows.
         dead_link: nothing comes through, either way. battery: 0 to 1. needs_position: it knows where it is only from the
-        positions that it is sent. lies: it is turned over.
+        positions that it is sent. lies: it is turned over. faulty: a deck says that it is. crashed: it was turned over in flight.
     Attributes to look at:
         motion, stage, motors_on; controller: the number of its controller (2: Mellinger); setpoints: how many it was sent.
     """
@@ -50,6 +50,7 @@ class FakeCrazyflie:
         self.stage = Stage.READY if arms_itself else Stage.UNARMED
         self._arms_itself = arms_itself
         self.motors_on = self.frozen = self.dead_link = self.needs_position = self.lies = False
+        self.faulty = self.crashed = False
         self.battery, self.setpoints = 1.0, 0
         self._now = self._thrust_at = self._measured_at = 0.0
         self._variance = 1e-5
@@ -233,7 +234,7 @@ class FakeCrazyflie:
 
     def _supervisor_command(self, data: bytes) -> Iterator[bytes]:
         if data[0] == 1:
-            may = self.stage is not Stage.LOCKED and not self.lies
+            may = self.stage is not Stage.LOCKED and not (self.lies or self.faulty or self.crashed)
             if data[1] and may and self.stage is Stage.UNARMED:
                 self.stage = Stage.READY
             elif not data[1] and self.stage is not Stage.LOCKED:
@@ -248,8 +249,15 @@ class FakeCrazyflie:
         """supervisor.info."""
         armed = self.stage in (Stage.READY, Stage.FLYING, Stage.LEVELLING)
         flying = self.stage in (Stage.FLYING, Stage.LEVELLING)
-        told = [self.stage is Stage.UNARMED, armed, self._arms_itself, armed, flying, self.lies]
-        told += [self.stage is Stage.LOCKED, False, self.commander.plan is not None]
+        told = [
+            self.stage is Stage.UNARMED and not (self.lies or self.faulty),
+            armed,
+            self._arms_itself,
+            armed,
+            flying,
+            self.lies,
+        ]
+        told += [self.stage is Stage.LOCKED, self.crashed, self.commander.plan is not None]
         return sum(bit << place for place, bit in enumerate(told))
 
     def _log_settings(self, data: bytes) -> Iterator[bytes]:

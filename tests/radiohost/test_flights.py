@@ -141,6 +141,18 @@ def test_a_battery_is_judged_by_what_its_motors_pull(volts: float, flying: bool,
     assert charge(volts, flying) == pytest.approx(share)
 
 
+def test_one_that_cannot_be_armed_says_so_before(room: Room) -> None:
+    one = room.silent
+    for what, words in (
+        ("faulty", "it cannot be armed: its console in cfclient says why"),
+        ("crashed", "locked after a failsafe or a crash: switch it off and on"),
+    ):
+        setattr(one.fake, what, True)
+        one.until(lambda state, words=words: state.health == (words,))  # type: ignore[misc]
+        setattr(one.fake, what, False)
+        one.until(lambda state: state.health == ())
+
+
 def test_one_whose_process_is_gone_lands(room: Room) -> None:
     """The process is gone: its session is closed, nothing is said any more."""
     silent = room.silent
@@ -165,7 +177,7 @@ def test_one_whose_link_is_dead_levels_and_falls_as_the_firmware_has_it(room: Ro
     dead.until(lambda _: dead.fake.stage is Stage.LOCKED)
     dead.fake.dead_link = False
     told = dead.until(lambda state: state.mode is Mode.DEAD)
-    assert "locked after a failsafe: switch it off and on" in told.health
+    assert "locked after a failsafe or a crash: switch it off and on" in told.health
 
 
 def test_a_link_that_cflib_gives_up_is_made_anew(room: Room) -> None:
@@ -240,7 +252,8 @@ def test_the_host_of_another_fleet_leads_no_crazyflie_of_this_one(room: Room) ->
     """Two fleets on one machine, the second of whose hosts found its port taken: drone 0 of both has the same number."""
     stranger = make_vehicle("crazyflie:udp://127.0.0.1:9", Rig(0, (0.0, 0.0, 0.0), 1.0, 3.0, dongle=DONGLE))
     with pytest.raises(
-        VehicleError, match=r"says nothing of the Crazyflie of drone 0 at udp://127\.0\.0\.1:9: it is"
+        VehicleError,
+        match=r"says nothing of the Crazyflie of drone 0 at udp://127\.0\.0\.1:9: it does not reach",
     ):
         stranger.open(1.0)
 
