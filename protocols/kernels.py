@@ -288,7 +288,7 @@ def release_code() -> None:
     What is given back is as it is in its file, and the system reads it again where it is used once more. Does nothing where there
     is no Linux.
     """
-    told = Path("/proc/self/smaps")
+    told, advise = Path("/proc/self/smaps"), ctypes.CDLL(None).madvise
     for begin, end in _UNCHANGED.findall(told.read_text()) if told.exists() else []:
         at, behind = int(begin, 16), int(end, 16)
-        ctypes.CDLL(None).madvise(ctypes.c_void_p(at), ctypes.c_size_t(behind - at), mmap.MADV_DONTNEED)
+        advise(ctypes.c_void_p(at), ctypes.c_size_t(behind - at), mmap.MADV_DONTNEED)

@@ -5,6 +5,7 @@ exactly what the wire would carry, so a flight here has the digest of its twin i
 """
 
 from collections.abc import Sequence
+from weakref import proxy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,8 @@ class Simulation:
         )
         self._boots = np.zeros(self._rows, np.int64)
         self._liars = Liars(self.world)
-        self.director = Director(self.world, self)
+        # Weakly: two that hold each other stay until the collector comes, and these have much to hold.
+        self.director = Director(self.world, proxy(self))
 
     @property
     def clock(self) -> int:

@@ -1,0 +1,48 @@
+"""What is over takes no memory: none of it waits for the collector, which comes late."""
+
+import gc
+from collections.abc import Callable, Iterator
+from weakref import ref
+
+import pytest
+
+from agent.process import rehearse
+from protocols.mission.document import Mission
+from rsc_swarm.flight.simulate import Simulation
+from rsc_swarm.flight.warm_up import warm_up
+
+MISSION = Mission(agents=4, policy="analytic")
+
+
+@pytest.fixture
+def uncollected() -> Iterator[None]:
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.usefixtures("uncollected")
+def test_a_flight_in_one_process_is_gone_when_nobody_holds_it() -> None:
+    simulation = Simulation([MISSION])
+    simulation.tick()
+    world, drones = ref(simulation.world), ref(simulation.agents)
+    del simulation
+    assert (world(), drones()) == (None, None)
+
+
+@pytest.mark.usefixtures("uncollected")
+@pytest.mark.parametrize("begin", [rehearse, warm_up])
+def test_what_was_tried_before_a_flight_is_gone_when_it_begins(begin: Callable[[Mission], None]) -> None:
+    begin(MISSION)
+    gc.collect()
+    begin(MISSION)
+    ours = ("agent", "protocols", "rsc_swarm", "world")
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    try:
+        gc.collect()
+        left = [type(thing).__name__ for thing in gc.garbage if type(thing).__module__.split(".")[0] in ours]
+    finally:
+        gc.set_debug(0)
+        gc.garbage.clear()
+    assert left == []
