@@ -4,7 +4,9 @@ A file has no name before it is complete, so even who is killed outright leaves 
 that knows no nameless files gets one whose name begins with a dot.
 """
 
+import errno
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,14 +26,14 @@ def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
     private: only its owner may read it.
 
     If the block raises, ``path`` stays as it was. What is no file, such as ``/dev/null``, is written to as it is; a link goes
-    on leading where it leads.
+    on leading where it leads. A pipe must have a reader by then: who waits for one could not even be asked to leave.
 
     Raises:
         WriteError: one line names the file and says why.
     """
     try:
-        if path.exists() and not path.is_file():
-            with path.open("wb") as file:
+        if _is_no_file(path):
+            with open(path, "wb", opener=_open_read) as file:
                 yield file
             return
         target = path.resolve()
@@ -48,7 +50,24 @@ def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        raise WriteError(f"{path}: cannot be written ({error.strerror or error})") from None
+        unread = error.errno == errno.ENXIO
+        why = "nobody reads from this pipe" if unread else error.strerror or error
+        raise WriteError(f"{path}: cannot be written ({why})") from None
+
+
+def _is_no_file(path: Path) -> bool:
+    """Whether something else than a file has this name. Raises OSError where links lead in a circle."""
+    try:
+        return not stat.S_ISREG(path.stat().st_mode)
+    except FileNotFoundError:
+        return False
+
+
+def _open_read(path: str, flags: int) -> int:
+    """Open what is no file, if somebody reads from it."""
+    number = os.open(path, flags | os.O_NONBLOCK)
+    os.set_blocking(number, True)
+    return number
 
 
 def _nameless(otherwise: Path, mode: int) -> BinaryIO:

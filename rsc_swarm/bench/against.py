@@ -10,7 +10,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,6 +20,7 @@ import psutil
 
 from protocols.dynamics import TICK_S
 from protocols.errors import BrokenError
+from rsc_swarm.machine.leaving import passing_folder
 
 _LOOK_S = 0.1
 _SHARE = 0.8  # of the flight, its end: by then all has been loaded
@@ -113,8 +113,8 @@ def render(costs: dict[str, dict[str, list[Cost]]], agents: int) -> str:
 
 def _fly(folder: Path, agents: int, policy: str, map_seed: int) -> Cost:
     """One launch, or bare echo, of the checkout in ``folder``."""
-    with tempfile.TemporaryDirectory(prefix="rsc-swarm-bench-") as name:
-        report = Path(name) / "report.json"
+    with passing_folder("rsc-swarm-bench-") as place:
+        report = place / "report.json"
         launch = f"-m rsc_swarm launch --agents {agents} --map {map_seed} --policy {policy} --json".split()
         words = ["-c", _ECHO, str(agents)] if policy == ECHO else launch
         command = [sys.executable, *words, str(report)]

@@ -7,11 +7,9 @@ machine's own speed wanders. Medians of the runs are printed; the JSON has every
 import json
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -29,6 +27,7 @@ from rsc_swarm.bench.batch import bench_batch
 from rsc_swarm.bench.echo import bare_echo
 from rsc_swarm.flight.launch import Launched, launch
 from rsc_swarm.flight.simulate import Simulation, simulate
+from rsc_swarm.machine.leaving import passing_folder
 
 _ECHO_TICKS = 600
 _LONE_WORLD = """
@@ -216,15 +215,14 @@ def _model_call() -> dict[str, Any]:
 
 def _alone(agents: int) -> dict[str, Any]:
     """The command line from its start: a launch to its first tick, and one drone alone as on its companion computer."""
-    with tempfile.TemporaryDirectory(prefix="rsc-swarm-bench-") as name:
-        folder = Path(name)
+    with passing_folder("rsc-swarm-bench-") as folder:
         report, endpoint = folder / "report.json", f"unixsock-stream/{folder}/world.sock"
         short = ["--agents", str(agents), "--set", "fly_s=0.5", "--json", str(report)]
         subprocess.run(
             [sys.executable, "-m", "rsc_swarm", "launch", *short], capture_output=True, check=False
         )
         first_tick = json.loads(report.read_text())["first_tick_s"]
-        with _child(_LONE_WORLD, endpoint, name), _child(_LONE_DRONE, endpoint, name) as drone:
+        with _child(_LONE_WORLD, endpoint, str(folder)), _child(_LONE_DRONE, endpoint, str(folder)) as drone:
             ready = float(drone.stdout.readline())
             resident = psutil.Process(drone.pid).memory_info().rss / 1e6
     return {"first_tick_s": first_tick, "agent_ready_s": ready, "agent_resident_mb": resident}

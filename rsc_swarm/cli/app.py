@@ -143,13 +143,14 @@ def announce_compiling() -> None:
     On a terminal one sees something at once, whatever is loaded first; what comes next is written over it.
 
     Raises:
-        rsc_swarm.machine.limits.MachineError: there is too little memory even to import what it needs.
+        rsc_swarm.machine.limits.MachineError: there is too little memory, or there are too few threads, even to import what it needs.
     """
     if sys.stderr.isatty():
         print("getting ready...", end="\r", file=sys.stderr, flush=True)
-    from rsc_swarm.machine.limits import check_addresses
+    from rsc_swarm.machine.limits import check_addresses, check_threads
 
     check_addresses()
+    check_threads()
     from agent.policy.learned_kernel import fly_quickly  # of all rules it is compiled last
     from protocols.kernels import is_kept
 

@@ -6,11 +6,11 @@ What that needs is loaded only where it is asked for.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import WriteError
+from rsc_swarm.machine.leaving import passing_folder
 
 if TYPE_CHECKING:
     from rsc_swarm.flight.report import FlightReport
@@ -44,8 +44,8 @@ class McapOutput:
             return
         from rsc_swarm.flight.run_dir import RunDir
 
-        with TemporaryDirectory(prefix="rsc-swarm-") as passing:
-            yield RunDir(Path(passing))
+        with passing_folder() as passing:
+            yield RunDir(passing)
 
     def write(self, place: "RunDir | None", mission: Mission, report: "FlightReport") -> None:
         """Write what was recorded in ``place``, if that was asked for.

@@ -5,7 +5,6 @@ Only their owner may read them.
 
 import os
 import stat
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -18,6 +17,7 @@ from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
 from protocols.wire.keys import login_file
 from protocols.wire.login import Certificates, Login, OperatorLogin
+from rsc_swarm.machine.leaving import nobody_asks, passing_folder
 from world.server.credentials import Credentials, FleetHosts, make_fleet_keys, make_keys
 
 HERE = ("localhost", "127.0.0.1", "::1")  # where every world's certificate is good, to try it on one machine
@@ -78,19 +78,19 @@ def _write_keys(folder: Path, files: Mapping[str, str], overwrite: bool) -> None
         )
     _make_private(folder)
     try:
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
-            new = Path(place)
+        with passing_folder(".new-", folder) as new:
             for name, text in files.items():
                 write_whole(new / name, text, private=True)
-            made = {file.replace(folder / file.name) for file in list(new.iterdir())}
+            with nobody_asks():  # new keys and old ones side by side would be good for nothing
+                made = {file.replace(folder / file.name) for file in list(new.iterdir())}
+                for file in set(old) - made:
+                    file.unlink()
     except (WriteError, OSError) as error:
         with suppress(OSError):  # it holds other things
             folder.rmdir()
         if isinstance(error, WriteError):
-            raise WriteError(str(error).replace(place, str(folder))) from None
+            raise WriteError(str(error).replace(str(new), str(folder))) from None
         raise WriteError(f"{folder}: cannot be written ({error.strerror})") from None
-    for file in set(old) - made:
-        file.unlink()
 
 
 def make_login_files(folder: Path, swarm: str, agents: int) -> Credentials:

@@ -68,12 +68,18 @@ def _base() -> Path:
     for place in places:
         if not place or not os.access(place, os.W_OK | os.X_OK):
             continue
-        if len(os.fsencode(place)) + len(f"/{_PREFIX}12345678/world.sock") <= _LONGEST_SOCKET_PATH:
+        fits = len(os.fsencode(place)) + len(f"/{_PREFIX}12345678/world.sock") <= _LONGEST_SOCKET_PATH
+        if fits and _is_plain(place):
             return Path(place)
     raise OSError(
         f"no folder for the socket of the run: none of {', '.join(place for place in places if place)} "
-        "is both writable and short enough; set XDG_RUNTIME_DIR to a short path"
+        "is writable, short enough and without ?, # or bytes that are no text; set XDG_RUNTIME_DIR to a short path"
     )
+
+
+def _is_plain(place: str) -> bool:
+    """Whether it can stand in the address of an endpoint."""
+    return not set(place) & set("?#") and place.isprintable()
 
 
 def _abandoned(base: Path) -> Iterator[Path]:

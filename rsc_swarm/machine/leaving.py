@@ -16,6 +16,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -23,6 +24,8 @@ _ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _UNWIND_S = 10.0  # for who was asked and has not left by then
 _PR_SET_PDEATHSIG = 1
 _STOPPED = 130  # protocols.errors.ExitCode.INTERRUPTED, which is not imported yet
+
+_passing: dict[Path, int] = {}  # folders that go when this process does, and whose they are
 
 _Handler = Callable[[int, FrameType | None], None] | signal.Handlers
 
@@ -100,6 +103,29 @@ def nobody_asks() -> Iterator[set[int | signal.Signals]]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+@contextmanager
+def passing_folder(prefix: str = "rsc-swarm-", beside: Path | None = None) -> Iterator[Path]:
+    """A private folder among the temporary ones, or in ``beside``, that is gone after the block: also for who leaves at once."""
+    from tempfile import mkdtemp  # loads much that most commands need later, if at all
+
+    with nobody_asks():
+        folder = Path(mkdtemp(prefix=prefix, dir=beside))
+        _passing[folder] = os.getpid()
+    try:
+        yield folder
+    finally:
+        _remove_passing(folder)
+
+
+def _remove_passing(*folders: Path) -> None:
+    from shutil import rmtree
+
+    for folder in folders:
+        if _passing.get(folder) == os.getpid():  # a child that was forked meanwhile leaves it alone
+            rmtree(folder, ignore_errors=True)
+            _passing.pop(folder, None)
+
+
 def be_worker() -> None:
     """Begin as a forked worker: Ctrl-C and a closing terminal are for who forked it, and it does not outlive that one."""
     for number in (signal.SIGINT, signal.SIGHUP):
@@ -136,5 +162,6 @@ def _vanish(number: int, frame: FrameType | None) -> None:
     show_cursor = "\x1b[?25h\r\x1b[K" if sys.__stderr__ and sys.__stderr__.isatty() else ""
     try:
         os.write(2, f"{show_cursor}rsc-swarm: stopped\n".encode())
+        _remove_passing(*_passing)
     finally:
         os._exit(_STOPPED)

@@ -2,8 +2,10 @@
 
 import errno
 import math
+import os
 import resource
 from pathlib import Path
+from threading import Event, Thread
 
 from protocols.errors import BrokenError, SwarmError
 from protocols.wire.keys import MAX_AGENTS
@@ -11,6 +13,8 @@ from protocols.wire.transport import MOST_KNOCKING, MOST_SESSIONS
 
 # Of the world, which needs most: it was seen to have 27 files open with 4 drones, 63 with 40, and 1.4 GiB of addresses.
 _FILES, _FILES_PER_DRONE = 48, 2
+_PLENTY = 1024  # processes of a user
+_SHARED = "/dev/shm"
 _ADDRESSES, _ADDRESSES_OF_WORLD = 1 << 30, 2 << 30  # bytes
 
 
@@ -65,6 +69,33 @@ def check_addresses(needed: int = _ADDRESSES) -> None:
         )
 
 
+def check_threads() -> None:
+    """Look whether this process may start a thread for each processor, where few are allowed: a library that may not, while it is
+    imported, sends it what Ctrl-C sends.
+
+    Raises:
+        MachineError: it may not.
+    """
+    allowed = resource.getrlimit(resource.RLIMIT_NPROC)[0]
+    if allowed == resource.RLIM_INFINITY or allowed >= _PLENTY:
+        return
+    over = Event()
+    started = []
+    try:
+        for _ in range(os.cpu_count() or 1):
+            thread = Thread(target=over.wait, daemon=True)
+            thread.start()
+            started.append(thread)
+    except RuntimeError:
+        raise MachineError(
+            f"{allowed} processes and threads are allowed here, too few: allow more (ulimit -u)"
+        ) from None
+    finally:
+        over.set()
+        for thread in started:
+            thread.join()
+
+
 def lacking(error: BaseException) -> str | None:
     """What the machine lacks, if that is what ``error`` says."""
     if isinstance(error, MemoryError):
@@ -78,7 +109,13 @@ def lacking(error: BaseException) -> str | None:
         return "the folder in which this was started is gone: start from another"
     if error.errno in (errno.EAGAIN, errno.ENOMEM):
         return f"{error.strerror}: allow more processes (ulimit -u) or more memory"
-    return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    if error.filename:
+        return f"{error.filename}: {error.strerror}"
+    if not os.access(_SHARED, os.W_OK):
+        return f"{_SHARED}: cannot be written ({error.strerror}): processes need it to work together"
+    if error.errno in (errno.EFBIG, errno.ENOSPC, errno.EDQUOT):
+        return f"{error.strerror}: make room on the disk and in {_SHARED}, or allow larger files (ulimit -f)"
+    return error.strerror
 
 
 def _has_folder() -> bool:

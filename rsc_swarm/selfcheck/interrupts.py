@@ -2,11 +2,11 @@
 
 import random
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.selfcheck.watched import EARLY, SMALL, Seen, busy, common_faults, length_of_launch, start
 
 _LOOPS = 2
@@ -40,8 +40,8 @@ def check(runs: int, seed: int, say: Callable[[str], None]) -> Iterator[tuple[in
     with busy(_LOOPS):
         length_s = length_of_launch()
         for number in range(seed, seed + runs):
-            with tempfile.TemporaryDirectory(prefix="rsc-swarm-check-", ignore_cleanup_errors=True) as folder:
-                at, seen = press(number, length_s, Path(folder))
+            with passing_folder("rsc-swarm-check-") as folder:
+                at, seen = press(number, length_s, folder)
             faults = judge(seen, at < EARLY * length_s)
             say(f"{number}: Ctrl-C after {at:.2f} s: {'; '.join(faults) or 'as it should be'}")
             if faults:

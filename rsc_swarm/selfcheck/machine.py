@@ -7,12 +7,12 @@ what an undisturbed launch takes here.
 import random
 import resource
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.selfcheck.watched import (
     ASKING,
     EARLY,
@@ -164,8 +164,8 @@ def check(runs: int, seed: int, say: Callable[[str], None]) -> Iterator[tuple[in
     length_s = length_of_launch()
     for number in range(seed, seed + runs):
         plan = draw(number)
-        with tempfile.TemporaryDirectory(prefix="rsc-swarm-check-", ignore_cleanup_errors=True) as folder:
-            seen = fly(plan, Path(folder), length_s)
+        with passing_folder("rsc-swarm-check-") as folder:
+            seen = fly(plan, folder, length_s)
         faults = judge(plan, seen)
         say(
             f"{number}: {plan}: "

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import psutil
@@ -12,6 +10,7 @@ from pydantic import TypeAdapter
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
 from rsc_swarm.flight.launch import launch
+from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.selfcheck.attacks import ATTACKS, after_a_while
 from rsc_swarm.selfcheck.insider import Insider
 from rsc_swarm.selfcheck.judging import without
@@ -127,8 +126,7 @@ def _fly(mission: Mission, attack: str | None, turned: int, seed: int) -> _Fligh
             most[0] = max(most[0], world.memory_info().rss / _MB)
 
     insiders = {turned: Insider(after_a_while(ATTACKS[attack]), seed)} if attack else {}
-    with TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+    with passing_folder() as folder:
         launched = launch(mission, run_dir=folder, on_snapshot=weigh, insiders=insiders)
         flown = launched.whole()
         path = Trajectory.load(folder / "trajectory.npz")

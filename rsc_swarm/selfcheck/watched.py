@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ import psutil
 from pydantic import ValidationError
 
 from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.machine.leaving import passing_folder
 from world.outlets.trajectory import Trajectory, TrajectoryError
 
 # A flight that is never at its goal and of known length.
@@ -164,8 +164,8 @@ def length_of_launch() -> float:
     """How long one takes here from the moment in which it answers signals, s, when nothing happens to it."""
     took = 0.0
     for _ in range(2):  # the first may compile
-        with tempfile.TemporaryDirectory(prefix="rsc-swarm-check-") as folder:
-            watched = start(["launch", "--agents", "4", *SMALL], Path(folder))
+        with passing_folder("rsc-swarm-check-") as folder:
+            watched = start(["launch", "--agents", "4", *SMALL], folder)
             begin = time.monotonic()
             watched.end()
             took = time.monotonic() - begin

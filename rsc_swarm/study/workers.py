@@ -25,6 +25,7 @@ from rsc_swarm.batch.expert import fly_expert
 from rsc_swarm.flight.simulate import ROWS, Simulation, flights_at_once
 from rsc_swarm.flight.warm_up import try_policy
 from rsc_swarm.machine.leaving import be_worker, nobody_asks
+from rsc_swarm.machine.limits import lacking
 from rsc_swarm.study.fingerprint import fingerprint
 from rsc_swarm.study.machines import Crew
 from world.field import FieldError, draw_obstacles, draw_start
@@ -202,6 +203,8 @@ def told_in_a_line() -> Iterator[None]:
     except CancelledError:
         raise WorkerError("the scheduler was lost; run it again to go on") from None
     except Exception as error:
+        if not isinstance(error, ConnectionError | TimeoutError) and (lack := lacking(error)):
+            raise WorkerError(f"{lack}; run it again to go on") from None
         said = " ".join(str(error).split())
         raise WorkerError(f"a worker broke: {type(error).__name__}: {said}; run it again to go on") from error
 

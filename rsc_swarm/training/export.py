@@ -3,7 +3,6 @@
 import copy
 import warnings
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import onnx
@@ -18,6 +17,7 @@ from protocols.wire.frames import OBSERVATION_SIZE
 from rsc_swarm.batch.batch import NEIGHBOURS
 from rsc_swarm.batch.model_inputs import ModelInputs
 from rsc_swarm.flight.provenance import commit
+from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.describe import describe
 from rsc_swarm.training.network import PolicyNetwork
@@ -63,9 +63,9 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     names = list(inputs_of(config))
     example = tuple(torch.zeros(2, *shape) for shape in inputs_of(config).values())
     outputs = ["displacement", "acceleration"]
-    with TemporaryDirectory() as folder, warnings.catch_warnings():
+    with passing_folder() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the newer exporter needs one more package and gains nothing here
-        exported = Path(folder) / "exported.onnx"
+        exported = folder / "exported.onnx"
         torch.onnx.export(
             model.cpu(),
             example,

@@ -3,9 +3,7 @@
 import html
 import os
 import secrets
-import shutil
 import socket
-import tempfile
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +14,7 @@ from pathlib import Path
 
 from protocols.errors import SwarmError
 from rsc_swarm.flight.processes import Supervisor
+from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.watch.hands import Pace
 from rsc_swarm.watch.window import Window
 
@@ -121,12 +120,11 @@ def _opened(address: str, wanted: bool) -> Iterator[None]:
     if not wanted:
         yield
         return
-    folder = Path(tempfile.mkdtemp(prefix="rsc-swarm-view-", dir=os.environ.get("XDG_RUNTIME_DIR")))
-    try:
+    private = os.environ.get("XDG_RUNTIME_DIR")
+    usable = private and os.access(private, os.W_OK | os.X_OK)
+    with passing_folder("rsc-swarm-view-", Path(private) if private and usable else None) as folder:
         way = folder / "view.html"
         way.write_text(f'<meta http-equiv="refresh" content="0; url={html.escape(address)}">')
         with suppress(OSError, webbrowser.Error):
-            webbrowser.open(way.as_uri())
+            webbrowser.open(way.absolute().as_uri())
         yield
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -58,6 +58,15 @@ def test_what_is_no_file_is_written_to_and_stays_what_it_is(tmp_path: Path) -> N
     assert Path("/dev/full").is_char_device()
 
 
+def test_a_pipe_that_nobody_reads_and_links_in_a_circle_are_told_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "circle").symlink_to(tmp_path / "circle")
+    with pytest.raises(WriteError, match=r"pipe: cannot be written \(nobody reads from this pipe\)"):
+        write_whole(tmp_path / "pipe", "x")
+    with pytest.raises(WriteError, match=r"circle: cannot be written \(Too many levels of symbolic links\)"):
+        write_whole(tmp_path / "circle", "x")
+
+
 def test_a_link_goes_on_leading_where_it_leads(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "report.json")
     write_whole(tmp_path / "link", "new")

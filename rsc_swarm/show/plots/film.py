@@ -5,7 +5,6 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from protocols.whole_file import write_whole
 from rsc_swarm.flight.events import Event
 from rsc_swarm.flight.recorded import Recorded
+from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.show.plots.events import NUMBERED, SWAP
 from rsc_swarm.show.plots.flight import bounds, colours, draw_field, edges
 from rsc_swarm.show.plots.style import ALARM, INK, ROCK, PlotError, bare, halo, new_figure, number
@@ -84,8 +84,8 @@ def _mp4(pictures: Iterator[NDArray[np.uint8]], hertz: int, out: Path) -> bytes:
     picture = next(pictures)
     tall, wide = picture.shape[:2]
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{tall}", "-r", str(hertz), "-i", "-"]
-    with TemporaryDirectory() as folder:
-        made = Path(folder) / "film.mp4"
+    with passing_folder() as folder:
+        made = folder / "film.mp4"
         coder = subprocess.Popen(
             ["ffmpeg", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", "-movflags", "faststart", str(made)],
             stdin=subprocess.PIPE, stderr=subprocess.PIPE,
