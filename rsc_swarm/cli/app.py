@@ -143,7 +143,7 @@ def announce_compiling() -> None:
     On a terminal one sees something at once, whatever is loaded first; what comes next is written over it.
 
     Raises:
-        rsc_swarm.machine.limits.MachineError: there is too little memory, or there are too few threads, even to import what it needs.
+        rsc_swarm.machine.limits.MachineError: too little memory or too few threads are allowed even to import what it needs.
     """
     if sys.stderr.isatty():
         print("getting ready...", end="\r", file=sys.stderr, flush=True)
