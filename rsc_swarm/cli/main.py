@@ -51,6 +51,8 @@ def _carry_out(words: list[str]) -> int:
             )
         code = loaded(words[0])(words, prog_name="rsc-swarm", standalone_mode=False)
         sys.stdout.flush()
+        if code == ExitCode.INTERRUPTED and not isinstance(code, ExitCode):
+            raise KeyboardInterrupt  # no command has caught it, and what reads options makes a bare number of it
     except KeyboardInterrupt:
         print("rsc-swarm: stopped", file=sys.stderr)
         return ExitCode.INTERRUPTED

@@ -11,6 +11,8 @@ from threading import Thread
 
 import pytest
 
+from rsc_swarm.bench import bench as benches
+from rsc_swarm.cli import main
 from rsc_swarm.flight.socket_folder import RunFolder
 from rsc_swarm.machine.leaving import leave_at_once, passing_folder
 from rsc_swarm.machine.limits import MachineError, check_threads
@@ -82,3 +84,14 @@ def test_too_few_threads_are_told_before_a_library_misses_them(monkeypatch: pyte
     monkeypatch.setattr(Thread, "start", none_left)
     with pytest.raises(MachineError, match=r"7 processes .* too few: allow more \(ulimit -u\)"):
         check_threads()
+
+
+def test_who_is_asked_to_leave_says_so_where_no_command_does(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def asked(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(benches, "bench", asked)
+    assert main._carry_out(["bench", "--quick"]) == 130
+    assert capsys.readouterr().err.splitlines() == ["rsc-swarm: stopped"]
