@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from protocols.dynamics import Vector, integrate
 from protocols.kernels import inlined_kernel, kernel
 from protocols.wire.sensed import Sensed
-from world.order import put_in_order, span
+from world.order import put_in_order
 
 
 class Bodies(NamedTuple):
@@ -75,21 +75,23 @@ def _note(sensed: Sensed, row: int, other: int) -> None:
 
 
 @inlined_kernel
-def _note_near(world: int, place: int, bodies: Bodies, reach: float, sensed: Sensed) -> None:
-    """Whom the drone at this place in the order senses, by rising number."""
-    flying, position, by_x = bodies.flying, bodies.position, bodies.by_x
-    agent = by_x[world, place]
-    row, px, py = (
-        world * flying.shape[1] + agent,
-        position[world, agent, 0],
-        position[world, agent, 1],
-    )
-    first, last = span(by_x[world], position[world], place, reach)
-    for at in range(first, last):
-        other = by_x[world, at]
-        dx, dy = position[world, other, 0] - px, position[world, other, 1] - py
-        if dx * dx + dy * dy <= reach * reach and flying[world, other] and other != agent:
-            _note(sensed, row, other)
+def _note_all(world: int, bodies: Bodies, reach: float, sensed: Sensed) -> None:
+    """Whom every drone of one world senses, by rising number; each pair is looked at once."""
+    flying, position, by_x = bodies.flying[world], bodies.position[world], bodies.by_x[world]
+    first = world * flying.shape[0]
+    put_in_order(by_x, position)
+    for place in range(flying.shape[0]):
+        agent = by_x[place]
+        if not flying[agent]:
+            continue
+        for later in range(place + 1, flying.shape[0]):
+            other = by_x[later]
+            dx, dy = position[other, 0] - position[agent, 0], position[other, 1] - position[agent, 1]
+            if dx * dx > reach * reach:
+                break
+            if dx * dx + dy * dy <= reach * reach and flying[other]:
+                _note(sensed, first + agent, other)
+                _note(sensed, first + other, agent)
 
 
 @inlined_kernel
@@ -111,9 +113,8 @@ def sense_world(
     for row in range(first, first + agents):
         sensed.near_count[row] = 0
     if neighbours_sensed:
-        put_in_order(bodies.by_x[world], position[world])
-    for place in range(agents):
-        agent = bodies.by_x[world, place]
+        _note_all(world, bodies, reach, sensed)
+    for agent in range(agents):
         if not flying[world, agent]:
             continue
         row = first + agent
@@ -121,8 +122,6 @@ def sense_world(
         vx, vy = velocity[world, agent, 0], velocity[world, agent, 1]
         sensed.position[row, 0], sensed.position[row, 1] = px, py
         sensed.velocity[row, 0], sensed.velocity[row, 1] = vx, vy
-        if neighbours_sensed:
-            _note_near(world, place, bodies, reach, sensed)
         for index in range(sensed.near_count[row]):
             near = sensed.near[row, index]
             near["x"], near["y"] = _between(position[world], agent, near["number"])
