@@ -232,11 +232,14 @@ def _alone(agents: int) -> dict[str, Any]:
 def _child(program: str, *arguments: str) -> Iterator[Any]:
     """A Python process that has printed its first line, killed at the end."""
     with subprocess.Popen(
-        [sys.executable, "-c", program, *arguments], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", program, *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # Ctrl-C is for the command, which ends it
     ) as process:
         assert process.stdout is not None
-        process.stdout.readline()
         try:
+            process.stdout.readline()
             yield process
         finally:
             process.kill()

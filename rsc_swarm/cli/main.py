@@ -4,6 +4,7 @@ import gc
 import os
 import sys
 import threading
+from contextlib import suppress
 
 from protocols.errors import ExitCode, SwarmError
 from rsc_swarm.machine.leaving import all_is_done, leave_at_once
@@ -20,8 +21,12 @@ def main() -> None:
     stand_by_streams()
     code = _carry_out(sys.argv[1:] or ["--help"])
     all_is_done()
-    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
-        os._exit(code)  # somebody's policy has a thread of its own, for which Python would wait
+    others = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
+    if code == ExitCode.INTERRUPTED or any(not thread.daemon for thread in others):
+        # Python would wait for a thread of somebody's policy; and libraries that were stopped in the middle may end it otherwise.
+        with suppress(SwarmError):
+            sys.stdout.flush()
+        os._exit(code)
     sys.exit(code)
 
 

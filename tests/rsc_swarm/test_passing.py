@@ -95,3 +95,22 @@ def test_who_is_asked_to_leave_says_so_where_no_command_does(
     monkeypatch.setattr(benches, "bench", asked)
     assert main._carry_out(["bench", "--quick"]) == 130
     assert capsys.readouterr().err.splitlines() == ["rsc-swarm: stopped"]
+
+
+def test_what_libraries_do_while_python_leaves_does_not_change_that_it_was_stopped() -> None:
+    lines = (
+        "import atexit, signal, sys",
+        "from rsc_swarm.bench import bench as benches; from rsc_swarm.cli.main import main",
+        "def killed():",
+        "    signal.signal(signal.SIGINT, signal.SIG_DFL)",
+        "    signal.raise_signal(signal.SIGINT)",
+        "atexit.register(killed)",
+        "def asked(*_):",
+        "    print('half a figure')",
+        "    raise KeyboardInterrupt",
+        "benches.bench = asked",
+        "sys.argv = ['rsc-swarm', 'bench', '--quick']",
+        "main()",
+    )
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "half a figure\n")
