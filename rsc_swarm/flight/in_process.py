@@ -34,7 +34,8 @@ def fly(
 ) -> Flown:
     """Fly ``mission`` to its end.
 
-    Ctrl-C ends the flight as interrupted; what was flown is told like any other. A policy that then does not return is stopped.
+    Ctrl-C ends the flight as interrupted; what was flown is told like any other, if anything was. A policy that then does not
+    return is stopped.
 
     Args:
         realtime: no faster than the wall clock.
@@ -44,7 +45,7 @@ def fly(
         onlooker: looks on, and may lay hands on the flight.
 
     Raises:
-        world.field.FieldError, agent.policy.PolicyError: as Simulation.
+        world.field.FieldError, agent.policy.PolicyError: as Simulation. KeyboardInterrupt: asked to leave before the first tick.
     """
     wrong: PolicyError | None = None
     with (
@@ -62,6 +63,8 @@ def fly(
                 time.sleep(wait_s)
                 begin += wait_s
             if leave.asked:
+                if not director.clock:
+                    raise KeyboardInterrupt
                 director.leave()
             else:
                 try:

@@ -143,9 +143,9 @@ def be_world(
 
 
 def save_path(recorder: Recorder | None, run_dir: Path | None, ended: Flown | SwarmError) -> str | None:
-    """Save what was recorded, if anything was, and the events; why that cannot be done. ended: what was flown, or
+    """Save what was recorded, if anything was flown, and the events; why that cannot be done. ended: what was flown, or
     what broke it."""
-    if recorder is None or run_dir is None or not recorder.rows:
+    if recorder is None or run_dir is None or recorder.rows < 2:  # the first is of the start
         return None
     from rsc_swarm.flight.events import End, end_of  # loaded only where something is kept, after the flight
     from rsc_swarm.flight.run_dir import RunDir

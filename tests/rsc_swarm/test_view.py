@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import signal
 import threading
 
 import pytest
@@ -13,6 +14,8 @@ from rsc_swarm.show.field_map import FieldMap
 from rsc_swarm.show.line import line
 from rsc_swarm.show.picture import picture
 from rsc_swarm.show.view import View
+from world.core import WorldCore
+from world.outlets.recorder import Recorder
 from world.outlets.snapshot import AgentRow, Snapshot
 
 
@@ -156,3 +159,19 @@ def test_the_view_needs_no_thread(of_25):
     with View("a flight", io.StringIO()) as view:
         view.update(of_25[0])
         assert threading.active_count() == before
+
+
+class Pressed(Recorder):
+    """Somebody presses Ctrl-C when the first row is recorded: where all begin."""
+
+    def record(self, core: WorldCore) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_who_is_asked_to_leave_before_the_first_tick_has_flown_nothing() -> None:
+    seen: list[Snapshot] = []
+    with pytest.raises(KeyboardInterrupt):
+        fly(
+            Mission(agents=3, policy="analytic"), on_snapshot=seen.append, recorder=Pressed(Mission(agents=3))
+        )
+    assert seen == []

@@ -116,6 +116,14 @@ def test_a_flight_can_be_broken_off_and_nobody_is_lost_by_that() -> None:
     assert (outcome.failure, outcome.ticks, outcome.lost_agents) == ("interrupted", 20, ())
 
 
+def test_who_is_asked_to_leave_before_the_first_tick_has_flown_nothing_and_shows_nothing() -> None:
+    swarm = Loopback(mission(), lambda agent, tick, reply: [])
+    swarm.leave_at = 0
+    with pytest.raises(ServerError, match=r"^asked to leave before the first tick$"):
+        WorldServer(mission(), swarm, "lockstep", swarm).run()
+    assert swarm.pictures == []
+
+
 def test_the_launcher_is_asked_to_do_what_the_mission_says() -> None:
     faults = [
         {"at_s": 0.1 * index, "kind": kind, "agents": [1]}

@@ -82,7 +82,7 @@ class WorldServer(Swarm):
         """Gather the drones, fly to the end, say goodbye.
 
         Raises:
-            ServerError: drones are missing at the start, or one was lost before it.
+            ServerError: drones are missing at the start, one was lost before it, or nothing was flown.
         """
         try:
             self._gather()
@@ -101,6 +101,8 @@ class WorldServer(Swarm):
             self.director.tick()
             if core.tick[0] > self._now:  # else it was broken off before it was flown
                 self._record(core)
+            elif core.tick[0] == 0:
+                raise ServerError("asked to leave before the first tick")
             now = time.perf_counter() - self._began
             if not self._took_s and core.decided[0]:
                 self._took_s = now
