@@ -7,8 +7,7 @@ realtime  ticks on the wall clock; an answer that is late counts as a deadline m
 
 A drone that is lost without the mission's doing breaks the run: its process ended, or it has not answered for too long. In flight
 it is struck off, and the others fly on to the end. All patience is counted in the world's own running time, so no pause of the
-machine, the world or the whole launch loses anybody. Whoever runs the flight hands in a `Control`: the launcher's end of a pipe,
-or nobody.
+machine, the world or the whole launch loses anybody. Whoever runs the flight hands in a `Control`: a launcher, or nobody.
 """
 
 import time
@@ -99,10 +98,10 @@ class WorldServer(Swarm):
         while core.active[0]:
             self._look_on()
             self.director.tick()
+            if core.tick[0] == 0:
+                raise ServerError("asked to leave before the first tick")
             if core.tick[0] > self._now:  # else it was broken off before it was flown
                 self._record(core)
-            elif core.tick[0] == 0:
-                raise ServerError("asked to leave before the first tick")
             now = time.perf_counter() - self._began
             if not self._took_s and core.decided[0]:
                 self._took_s = now
@@ -148,10 +147,9 @@ class WorldServer(Swarm):
 
     def strike(self, event: Event) -> None:
         """Do to the drones' processes what this fault says."""
-        if event.fault.kind == "restart":
-            for agent in event.agents:
-                self.peers[agent].restart()
-                self._said.plans.forget(agent)
+        for agent in event.agents if event.fault.kind == "restart" else ():
+            self.peers[agent].restart()
+            self._said.plans.forget(agent)
         self._control.apply(event.fault.kind, event.agents)
 
     def struck_off(self, row: int) -> None:
