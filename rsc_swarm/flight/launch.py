@@ -200,7 +200,8 @@ class _Launch:
             self._report_ends(self._supervisor.poll())
         flown = flown or self._so_far
         if flown is None:
-            raise self._error or KeyboardInterrupt
+            # Who is asked to leave ends the world, maybe before that one can answer: that breaks nothing.
+            raise KeyboardInterrupt if leave.asked or not self._error else self._error
         return flown, unsaved, self._error
 
     def _hear(self) -> tuple[Any, ...]:

@@ -7,16 +7,21 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from rsc_swarm.machine.leaving import passing_folder
-from rsc_swarm.selfcheck.watched import EARLY, SMALL, Seen, busy, common_faults, length_of_launch, start
+from rsc_swarm.selfcheck.watched import EARLY, SMALL, Seen, busy, common_faults, length_of, start
 
 _LOOPS = 2
 
 
+def _drawn(seed: int, length_s: float) -> tuple[str, float, int]:
+    """What is started, after how many seconds of ``length_s`` Ctrl-C is pressed, and how many drones fly."""
+    dice = random.Random(seed)
+    return dice.choice(["launch", "launch", "simulate"]), dice.uniform(0.0, length_s), dice.randint(3, 6)
+
+
 def press(seed: int, length_s: float, here: Path) -> tuple[float, Seen]:
     """Press Ctrl-C, as a terminal does it, after a part of ``length_s`` that the ``seed`` decides; when, and what came of it."""
-    dice = random.Random(seed)
-    verb, at = dice.choice(["launch", "launch", "simulate"]), dice.uniform(0.0, length_s)
-    watched = start([verb, "--agents", str(dice.randint(3, 6)), *SMALL], here)
+    verb, at, agents = _drawn(seed, length_s)
+    watched = start([verb, "--agents", str(agents), *SMALL], here)
     begin = time.monotonic()
     time.sleep(at)
     watched.strike("everybody", signal.SIGINT)
@@ -38,11 +43,13 @@ def judge(seen: Seen, early: bool) -> list[str]:
 def check(runs: int, seed: int, say: Callable[[str], None]) -> Iterator[tuple[int, str]]:
     """As rsc_swarm.selfcheck.machine.check."""
     with busy(_LOOPS):
-        length_s = length_of_launch()
+        lengths_s = {verb: length_of(verb) for verb in ("launch", "simulate")}
+        length_s = lengths_s["launch"]
         for number in range(seed, seed + runs):
             with passing_folder("rsc-swarm-check-") as folder:
                 at, seen = press(number, length_s, folder)
-            faults = judge(seen, at < EARLY * length_s)
+            verb, *_ = _drawn(number, length_s)
+            faults = judge(seen, at < EARLY * lengths_s[verb])
             say(f"{number}: Ctrl-C after {at:.2f} s: {'; '.join(faults) or 'as it should be'}")
             if faults:
                 yield number, f"Ctrl-C after {at:.2f} s: {'; '.join(faults)}"

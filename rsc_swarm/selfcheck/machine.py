@@ -20,7 +20,7 @@ from rsc_swarm.selfcheck.watched import (
     Seen,
     Watched,
     common_faults,
-    length_of_launch,
+    length_of,
     start,
 )
 
@@ -161,7 +161,7 @@ def judge(plan: Plan, seen: Seen) -> list[str]:
 
 def check(runs: int, seed: int, say: Callable[[str], None]) -> Iterator[tuple[int, str]]:
     """Fly ``runs`` plans from ``seed`` on; yields seed and what is wrong, of those that are not as they should be."""
-    length_s = length_of_launch()
+    length_s = length_of("launch")
     for number in range(seed, seed + runs):
         plan = draw(number)
         with passing_folder("rsc-swarm-check-") as folder:

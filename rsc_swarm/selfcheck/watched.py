@@ -160,12 +160,13 @@ def start(words: list[str], here: Path, prepare: Callable[[], None] = lambda: No
     return Watched(here, process)
 
 
-def length_of_launch() -> float:
-    """How long one takes here from the moment in which it answers signals, s, when nothing happens to it."""
+def length_of(verb: str) -> float:
+    """How long a small ``launch`` or ``simulate`` takes here from the moment in which it answers signals, s, when nothing happens
+    to it."""
     took = 0.0
     for _ in range(2):  # the first may compile
         with passing_folder("rsc-swarm-check-") as folder:
-            watched = start(["launch", "--agents", "4", *SMALL], folder)
+            watched = start([verb, "--agents", "4", *SMALL], folder)
             begin = time.monotonic()
             watched.end()
             took = time.monotonic() - begin
@@ -184,7 +185,7 @@ def busy(loops: int) -> Iterator[None]:
             load.wait()
 
 
-EARLY = 0.3  # share of a launch by which its flight is not over, however the load changes
+EARLY = 0.3  # share of a command's time by which its flight is not over, however the load changes
 
 
 def common_faults(seen: Seen, asked_early: bool, troubles: int = 1) -> list[str]:

@@ -1,9 +1,13 @@
 """``rs.launch``: real processes from a program, whatever that program has open already."""
 
+import signal
+
+import psutil
 import pytest
 
 import rsc_swarm as rs
 from rsc_swarm.flight.events import json_lines
+from rsc_swarm.flight.launch import launch
 from rsc_swarm.flight.run_dir import RunDirError
 from world.field import FieldError
 
@@ -48,3 +52,14 @@ def test_a_policy_that_raises_in_a_launch_is_the_policys_error_as_in_a_simulatio
     for fly in (rs.simulate, rs.launch):
         with pytest.raises(rs.PolicyError, match=r"raised KeyError: 'oops' at .*homing.py:8 \(act\)$"):
             fly(mission)
+
+
+def test_who_asks_a_launch_to_leave_before_it_flies_is_not_told_that_the_world_was_ended():
+    """The launcher ends it, maybe before it can answer."""
+
+    def press_ctrl_c(ready: int) -> None:
+        psutil.Process().children()[0].kill()  # the world was started first
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        launch(rs.mission(agents=2, policy="analytic"), on_gathered=press_ctrl_c)
