@@ -194,7 +194,7 @@ def _check_addresses(plan: Plan) -> None:
             raise FleetError(
                 f"{name}: {address} "
                 + (
-                    "needs keys; make them with 'rsc-swarm keys --fleet', and name their folder in keys"
+                    "needs keys: write keys: keys, and make that folder with 'rsc-swarm keys keys --fleet FILE'"
                     if protocol in SECRET
                     else "is plain text, and the fleet has keys; write quic/ instead"
                 )

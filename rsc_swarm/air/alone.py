@@ -56,9 +56,8 @@ def fly_drone(
         check_folder(run_dir)
     load(plan)
     address = fleet.address(me)
-    check_free(
-        address
-    )  # before the vehicle hears anything: it may be in the air with another of this drone's processes
+    # Before the vehicle hears anything: it may be in the air with another of this drone's processes.
+    check_free(address)
     vehicle.open(_OPEN_S)
     service = Service()
     login = read_fleet_login(key_file, plan.mission.swarm, me, host_of(address)) if key_file else None
@@ -82,10 +81,7 @@ def fly_drone(
             certificates, clock = login.certificates if login else None, Utc()
             end, agents = end_of(fleet, name_of(me)), plan.mission.agents
             with AirLink(plan.mission.swarm, end, certificates, agents, clock) as link:
-                _say(
-                    me,
-                    f"ready after {age_s():.2f} s at {address}, process {os.getpid()}",
-                )
+                _say(me, f"ready after {age_s():.2f} s at {address}, process {os.getpid()}")
                 service.ready(f"drone {me} at {address}")
                 fly(drone, link, lambda: service.alive(leave.asked), tell, trouble, clock)
         finally:

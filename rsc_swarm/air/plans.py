@@ -67,7 +67,7 @@ def keys_of(path: Path, plan: Plan) -> Path | None:
     folder = path.parent / plan.fleet.keys
     if not folder.is_dir():
         raise FleetError(
-            f"{path}: keys: there is no folder {folder}; make it with 'rsc-swarm keys --fleet {path}'"
+            f"{path}: keys: there is no folder {folder}; make it with 'rsc-swarm keys {folder} --fleet {path}'"
         )
     return folder
 

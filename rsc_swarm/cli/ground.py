@@ -54,6 +54,7 @@ def ground(
         from rsc_swarm.show.plots.room import draw_plan
 
         draw_plan(plan, out)
+        keys_of(fleet, plan)
         for doubt in (doubt for radio in radios_of(plan) for doubt in radio.doubts):
             typer.echo(f"{fleet}: {doubt}", err=True)
         typer.echo(f"{fleet}: can be flown by {plan.drones_told} in {plan.ticks / 100:g} s; drawn in {out}")

@@ -183,7 +183,7 @@ def _peer_login(file: Path, reader: Callable[[str], OperatorLogin], swarm: str, 
 
 
 def _check_fleet(file: Path, own: Certificates | None, theirs: str, swarm: str, host: str) -> None:
-    again = "make keys with 'rsc-swarm keys --fleet'"
+    again = f"make keys with 'rsc-swarm keys {file.parent} --fleet FILE --overwrite'"
     if theirs != swarm:
         raise KeyFileError(f"{file}: is for swarm {theirs!r}, and the mission is for {swarm!r}; {again}")
     if own is None:

@@ -1,5 +1,7 @@
 """Fakes on the network: a thread that hands them datagrams, passes their time and sends what they say."""
 
+import itertools
+import random
 import selectors
 import socket
 import threading
@@ -14,15 +16,23 @@ from rsc_swarm.machine.priority import go_first
 _STEP_S = 0.005
 
 
+# Below those that a system gives to whoever asks for any: another program could get one between our asking and our listening.
+_candidates = itertools.cycle(random.sample(range(30000, 32700), 2700))
+
+
 def free_ports(count: int) -> list[int]:
-    """UDP ports of this machine at which nobody listens."""
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    for one in sockets:
-        one.bind(("127.0.0.1", 0))
-    ports = [one.getsockname()[1] for one in sockets]
-    for one in sockets:
-        one.close()
-    return ports
+    """Ports of this machine at which nobody listens."""
+    return list(itertools.islice(filter(_is_free, _candidates), count))
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as datagrams, socket.socket() as stream:
+        try:
+            datagrams.bind(("127.0.0.1", port))
+            stream.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
 
 
 class Fake(Protocol):

@@ -1,7 +1,6 @@
 """A radio host in a process of its own, as `rsc-swarm radio` starts it."""
 
 import json
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from protocols.wire.vehicles import host_endpoint
+from tests.fakes.udp import free_ports
 
 ROOT = Path(__file__).parents[2]
 _FIRST_PORT = int(host_endpoint(0).rpartition(":")[2])
@@ -16,11 +16,7 @@ _FIRST_PORT = int(host_endpoint(0).rpartition(":")[2])
 
 def free_dongle() -> int:
     """The number of a dongle whose host has this machine's port to itself, whatever else is flown on it."""
-    with socket.socket() as one:
-        while True:
-            one.bind(("127.0.0.1", 0))
-            if (port := int(one.getsockname()[1])) > _FIRST_PORT:
-                return port - _FIRST_PORT
+    return free_ports(1)[0] - _FIRST_PORT
 
 
 @contextmanager

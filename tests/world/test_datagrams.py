@@ -1,7 +1,6 @@
 """Datagrams between a drone and the world: sealed for one process, lost without harm, and nobody else's are heard."""
 
 import queue
-import socket
 import sys
 from collections.abc import Iterator
 
@@ -11,6 +10,7 @@ from agent.radio.datagrams import AgentDatagrams
 from protocols.wire import datagrams
 from protocols.wire.datagrams import Seal
 from protocols.wire.keys import LinkError
+from tests.fakes.udp import free_ports
 from world.server.datagrams import WorldDatagrams
 
 KEY = bytes(range(32))
@@ -80,9 +80,7 @@ Met = tuple[WorldDatagrams, "queue.Queue[tuple[int, bytes]]", str]
 
 @pytest.fixture
 def world() -> Iterator[Met]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     heard: queue.Queue[tuple[int, bytes]] = queue.Queue()
     one = WorldDatagrams([endpoint, "unixsock-stream//nowhere"], lambda *what: heard.put(what))
     yield one, heard, endpoint

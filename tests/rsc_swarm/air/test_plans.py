@@ -70,6 +70,17 @@ def test_a_check_tells_what_may_go_wrong(
     assert "dongle 0 leads 6 Crazyflies: more than 3 are led badly by one" in capsys.readouterr().err
 
 
+def test_a_check_looks_for_the_keys(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    file, picture = fleet_file(tmp_path, keys="keys"), tmp_path / "plan.png"
+    assert run(monkeypatch, "ground", "--fleet", str(file), "--check", "--out", str(picture)) == 2
+    told = f"there is no folder {tmp_path / 'keys'}; make it with 'rsc-swarm keys {tmp_path / 'keys'} --fleet {file}'"
+    assert told in capsys.readouterr().err
+    assert picture.exists()
+
+
 def test_a_mission_beside_the_fleet_file_is_found(tmp_path: Path) -> None:
     shipped = EXAMPLES.parent / "rsc_swarm" / "missions" / "lab-small.yaml"
     (tmp_path / "mine.yaml").write_text(shipped.read_text())
@@ -143,7 +154,7 @@ def test_keys_that_are_not_there_are_told_once(
 ) -> None:
     assert run(monkeypatch, command, "--fleet", str(fleet_file(tmp_path, keys="none"))) != 0
     (told,) = capsys.readouterr().err.splitlines()
-    assert f"keys: there is no folder {tmp_path / 'none'}; make it with 'rsc-swarm keys --fleet" in told
+    assert f"keys: there is no folder {tmp_path / 'none'}; make it with 'rsc-swarm keys " in told
 
 
 def test_every_companion_computer_has_a_line_of_its_own_to_its_autopilot(tmp_path: Path) -> None:
