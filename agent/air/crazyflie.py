@@ -19,7 +19,7 @@ from agent.air.vehicle import Rig, Setpoint, State, VehicleAddressError, Vehicle
 from protocols.wire import vehicles
 from protocols.wire.endpoints import checked_endpoint
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON, filled
+from protocols.wire.transport import COMMON, filled, leave
 from protocols.wire.vehicles import Account, Kind, Order, VehicleMessageError
 
 _SAY_S = 0.015  # between two orders: 50 Hz are followed, and what is said at 100 Hz is thinned out
@@ -115,8 +115,7 @@ class CrazyflieVehicle(Ordered):
 
     def close(self) -> None:
         if self._session is not None:
-            with suppress(zenoh.ZError):
-                self._session.close()
+            leave(self._session)
             self._session = None
 
     def _give(self, order: Order) -> None:

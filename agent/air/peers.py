@@ -11,7 +11,6 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import zenoh
@@ -24,7 +23,7 @@ from protocols.wire.account import MAX_ACCOUNT_BYTES
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
 from protocols.wire.login import Certificates
 from protocols.wire.nature import WORLD, to_drone
-from protocols.wire.transport import AGENT_RUNTIME, few_threads, filled, secret
+from protocols.wire.transport import AGENT_RUNTIME, few_threads, filled, leave, secret
 
 # What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
 _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
@@ -171,13 +170,9 @@ class AirLink(Closing):
     def close(self) -> None:
         # No daemon: where farewells still wait for an answer, the process has to end without taking Python down around Zenoh's
         # threads (rsc_swarm.cli.main), or one of them aborts it.
-        leaving = threading.Thread(target=self._leave)
+        leaving = threading.Thread(target=leave, args=[self._session])
         leaving.start()
         leaving.join(_LEAVE_S)
-
-    def _leave(self) -> None:
-        with suppress(zenoh.ZError):
-            self._session.close()
 
 
 def name_of(drone: int) -> str:

@@ -24,7 +24,7 @@ from protocols.wire import keys, pieces
 from protocols.wire.endpoints import checked_endpoint, is_secret
 from protocols.wire.keys import LinkError
 from protocols.wire.login import Login
-from protocols.wire.transport import AGENT_RUNTIME, COMMON, few_threads, filled, secret
+from protocols.wire.transport import AGENT_RUNTIME, COMMON, few_threads, filled, leave, secret
 
 _LOOK_AGAIN_S = 0.002
 _BEAT_S = 0.2  # after so long a wait for a message is looked at again
@@ -144,11 +144,12 @@ class AgentLink(Closing):
                 if time.monotonic() > deadline:
                     raise LinkError(
                         f"the world at {endpoint} does not hear agent {login.agent} of {login.swarm!r}: "
-                        "use the file that was made for this agent together with the world's"
+                        "use the file that was made for this agent together with the world's; or, where the network loses much, "
+                        "try again"
                     )
                 time.sleep(_LOOK_AGAIN_S)
         except BaseException:
-            self._session.close()
+            leave(self._session)
             raise
         self._beat = Beat(_BEAT_S, lambda: self._put_in(b""))
 
@@ -197,5 +198,4 @@ class AgentLink(Closing):
         if self._datagrams is not None:
             self._datagrams.close()
         if not self._session.is_closed():
-            with suppress(zenoh.ZError):  # over a bad network its farewells may not come through
-                self._session.close()
+            leave(self._session)

@@ -4,7 +4,7 @@ import base64
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Literal, Protocol, TypeVar
 
 from protocols.wire.keys import MAX_AGENTS
@@ -58,6 +58,16 @@ def few_threads(runtime: str) -> Iterator[None]:
         yield
     finally:
         os.environ.pop(_RUNTIME, None)
+
+
+class _Session(Protocol):
+    def close(self) -> object: ...
+
+
+def leave(session: _Session) -> None:
+    """Close it. Over a bad network its farewells may not come through, of which Zenoh makes an error."""
+    with suppress(Exception):
+        session.close()
 
 
 def secret(certificates: Certificates, *ends: Literal["connect", "listen"]) -> dict[str, Any]:

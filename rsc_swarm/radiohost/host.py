@@ -19,7 +19,7 @@ from protocols.closing import Closing
 from protocols.keeper import STREAM_S, Keeper, Limits
 from protocols.wire import vehicles
 from protocols.wire.keys import LinkError
-from protocols.wire.transport import COMMON, filled
+from protocols.wire.transport import COMMON, filled, leave
 from protocols.wire.vehicles import Account, Ill, Mode, Order, Vector, VehicleMessageError
 from rsc_swarm.radiohost.line import Line, init_drivers
 from rsc_swarm.radiohost.warden import Warden
@@ -235,8 +235,7 @@ class RadioHost(Closing):
         self._each(Line.close)
         self._warden.dismiss()
         for session in filter(None, (self._session, self._source)):
-            with suppress(zenoh.ZError):
-                session.close()
+            leave(session)
 
 
 def _look_for(endpoint: str) -> zenoh.Session:

@@ -33,6 +33,7 @@ from protocols.wire.transport import (
     WORLD_RUNTIME,
     few_threads,
     filled,
+    leave,
     secret,
 )
 from world.server.credentials import Credentials
@@ -187,7 +188,7 @@ class WorldLink(Closing):
             ]
             self._datagrams = WorldDatagrams(endpoints if realtime else (), self._hear_datagram)
         except BaseException:
-            self._session.close()
+            leave(self._session)
             raise
         self._lookout, self._beat = Lookout(), Beat(_BEAT_S, self._wake)
 
@@ -258,5 +259,4 @@ class WorldLink(Closing):
         self._beat.close()
         self._datagrams.close()
         if not self._session.is_closed():
-            with suppress(zenoh.ZError):  # over a bad network its farewells may not come through
-                self._session.close()
+            leave(self._session)
