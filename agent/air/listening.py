@@ -3,13 +3,19 @@
 import errno
 import socket
 
+from protocols.fleet.document import places_of
 from protocols.wire.keys import LinkError
 
 _DATAGRAMS = ("udp", "quic")
 
 
 def check_free(address: str) -> None:
-    """Raises LinkError if ``address`` (protocol/host:port) is another program's, or it is none of this machine; one line."""
+    """Raises LinkError if a place of ``address`` (protocol/host:port) is another program's, or none of this machine; one line."""
+    for place in places_of(address):
+        _check_free(place)
+
+
+def _check_free(address: str) -> None:
     protocol, _, place = address.partition("/")
     host, _, port = place.rpartition(":")
     kind = socket.SOCK_DGRAM if protocol in _DATAGRAMS else socket.SOCK_STREAM

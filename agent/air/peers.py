@@ -18,7 +18,7 @@ import zenoh
 from agent.air.clock import Utc
 from agent.air.listening import check_free
 from protocols.closing import Closing
-from protocols.fleet.document import Fleet
+from protocols.fleet.document import Fleet, places_of
 from protocols.wire.account import MAX_ACCOUNT_BYTES
 from protocols.wire.keys import LinkError, checked_agent, checked_swarm, user
 from protocols.wire.login import Certificates
@@ -30,7 +30,8 @@ _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
 # A link that is silent for so long is made anew. QUIC left alone tries again at times that double: who was cut off for 3 s was
 # heard up to 6.2 s after the cut's end; by a new link, tried for at short intervals, after 1.7 s (tests.scenarios.links).
 _LEASE_MS = _OPEN_MS = 1500
-_RETRY_MS = 100, 200
+# Who is linked at one of another's places is turned away at the others, and tries again: that must not be often.
+_RETRY_MS = 100, 2000
 _LEAVE_S = 0.5  # over a bad network, farewells may not come through
 # Of each kind from each; what came before the newest is of no use any more.
 _MOST_WAITING = 64
@@ -65,8 +66,8 @@ def end_of(fleet: Fleet, who: str) -> End:
     """The end of a drone, of the operator, or of the world of a fleet.
 
     All are linked to the operator. Drones are linked to each other, or, in mixed reality, to the world alone, which hears them
-    and says to each what reaches it. Of two who are to be linked each looks for the other: Zenoh's listeners take one at a time,
-    and whose farewell is lost amid a handshake holds up all others for half a minute (eclipse-zenoh/zenoh, issue 2719).
+    and says to each what reaches it. Of two who are to be linked each looks for the other, for a listener may be held up
+    (protocols.fleet.document.places_of).
     """
     ground, world = fleet.ground_address, fleet.world_address
     drones = {me: fleet.address(me) for me in range(len(fleet.drones))}
@@ -198,15 +199,15 @@ def _settings(swarm: str, end: End) -> dict[str, Any]:
     slower = [{"key_expr": _key(swarm, "*", kind), "freq": _MOST_HZ} for kind in kinds]
     return {
         "mode": "peer",
-        "listen/endpoints": [_endpoint(end.listen)],
+        "listen/endpoints": [_endpoint(place) for place in places_of(end.listen)],
         "listen/exit_on_failure": True,
-        "connect/endpoints": [_endpoint(each) for each in end.connect],
+        "connect/endpoints": [_endpoint(place) for each in end.connect for place in places_of(each)],
         "connect/timeout_ms": -1,  # whoever is not there yet is looked for again and again
         "connect/exit_on_failure": False,
         "connect/retry": {
             "period_init_ms": _RETRY_MS[0],
             "period_max_ms": _RETRY_MS[1],
-            "period_increase_factor": 1.5,
+            "period_increase_factor": 2.0,
         },
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,

@@ -32,6 +32,7 @@ LEAST_SCALE, MOST_SCALE = 0.25, 1.0
 _ADDRESS = re.compile(r"(udp|quic|tls|tcp)/(.+):(\d{1,5})")
 _KEY = re.compile(r"([\w.-]+/)*[\w.-]*\{number\}[\w.-]*(/[\w.-]+)*")
 SECRET = ("quic", "tls")
+_SPARE = 1000
 
 
 def _checked_address(address: str) -> str:
@@ -48,6 +49,20 @@ def host_of(address: str) -> str:
     match = _ADDRESS.fullmatch(address)
     assert match  # checked when it was read
     return match[2].strip("[]")
+
+
+def places_of(address: str) -> tuple[str, ...]:
+    """Where who has an address listens: there, and for ``quic`` also 1000 ports further up (or down, where there are none).
+
+    A listener of Zenoh's takes one handshake at a time, and waits for half a minute when a farewell amid one gets lost
+    (eclipse-zenoh/zenoh, issue 2719). Two are hardly ever held up both.
+    """
+    protocol, _, place = address.partition("/")
+    if protocol != "quic":
+        return (address,)
+    host, _, port = place.rpartition(":")
+    spare = int(port) + (_SPARE if int(port) + _SPARE < 65536 else -_SPARE)
+    return address, f"quic/{host}:{spare}"
 
 
 Address = Annotated[Line, AfterValidator(_checked_address)]

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import combinations
 
 from protocols.dynamics import TICK_S, ticks_of
-from protocols.fleet.document import SECRET, Fleet, FleetError, host_of
+from protocols.fleet.document import SECRET, Fleet, FleetError, host_of, places_of
 from protocols.fleet.place import Flat, Place
 from protocols.mission import needs
 from protocols.mission.document import Mission, MissionError, parse_mission
@@ -186,8 +186,9 @@ def _check_before(fleet: Fleet, mission: Mission) -> None:
 def _check_addresses(plan: Plan) -> None:
     fleet = plan.fleet
     for (one, first), (other, second) in combinations(fleet.addresses.items(), 2):
-        if first == second:
-            raise FleetError(f"{other}: {second} is that of {one}, too; give each its own address")
+        if shared := set(places_of(first)).intersection(places_of(second)):
+            what = "that" if first == second else f"{shared.pop()}, which is the second port"
+            raise FleetError(f"{other}: {second} is {what} of {one}, too; give each its own address")
     for name, address in fleet.addresses.items():
         protocol = address.partition("/")[0]
         if (protocol in SECRET) != (fleet.keys is not None):

@@ -1,6 +1,7 @@
 """How beacons of four peers arrive over the links that a fleet can have, with loss on the way (tests.scenarios.wires).
 
 python -m tests.scenarios.links --loss 0.1 --parted 3 quic udp tls
+python -m tests.scenarios.links --loss 0.3 --starts 20 quic       how soon seven who start at once hear each other
 """
 
 import argparse
@@ -22,6 +23,7 @@ from rsc_swarm.machine.priority import go_first
 from tests.scenarios.wires import Rules, Wires, address
 
 _PEERS, _EVERY_S, _BYTES = 4, 0.04, 200
+_STARTING, _PATIENCE_S = 7, 25.0  # a fleet of six and its operator
 _BEFORE_S, _AFTER_S = 10.0, 9.0  # a cut
 _PLAIN = ("udp", "tcp")
 
@@ -92,6 +94,48 @@ def measure(protocol: str, loss: float, parted_s: float = 0.0) -> Measured:
     return Measured(1 - len(before) / said, (before[:, 2] - before[:, 1]) / 1000, np.array(again))
 
 
+def started(protocol: str, loss: float) -> list[float]:
+    """Of all pairs of seven on four machines who start at once: when one hears the other first [s]; infinite: never."""
+    machines = [0, *(1 + drone // 2 for drone in range(_STARTING - 1))]
+    hosts = {OPERATOR: address(0)} | {user(peer): address(machines[peer]) for peer in range(_STARTING)}
+    keys = {} if protocol in _PLAIN else make_peer_certificates("rsc", hosts, 1, datetime.now(UTC))
+    with tempfile.TemporaryDirectory() as folder, Wires(4, time.time_ns() % 100_000) as wires:
+        wires.rule(Rules(loss=loss))
+
+        def peer(me: int) -> Callable[[], int]:
+            def run() -> int:
+                at = [f"{protocol}/{address(machines[other])}:{7450 + other}" for other in range(_STARTING)]
+                others = [(name_of(other), "beacon") for other in range(_STARTING) if other != me]
+                link = AirLink("rsc", End(name_of(me), at.pop(me), at, others), keys.get(user(me)), _STARTING)
+                began, first = time.monotonic(), dict[str, float]()
+                while (now := time.monotonic() - began) < _PATIENCE_S:
+                    link.say("beacon", bytes(_BYTES))
+                    for said in link.hear():
+                        first.setdefault(said.who, now)
+                    if len(first) == len(others):
+                        (Path(folder) / f"{me}.all").touch()
+                    if len(list(Path(folder).glob("*.all"))) == _STARTING:
+                        break
+                    time.sleep(_EVERY_S)
+                np.save(Path(folder) / f"{me}.npy", [first.get(other, math.inf) for other, _ in others])
+                os._exit(0)
+
+            return run
+
+        for process in [wires.start(machines[me], peer(me)) for me in range(_STARTING)]:
+            wires.wait(process)
+        return [float(after) for me in range(_STARTING) for after in np.load(Path(folder) / f"{me}.npy")]
+
+
+def _tell_starts(protocol: str, loss: float, starts: int) -> None:
+    after = np.sort(np.concatenate([started(protocol, loss) for _ in range(starts)]))
+    figures = " | ".join(f"{after[int(share * len(after))]:.2f}" for share in (0.5, 0.95, 0.99))
+    print(
+        f"| `{protocol}` | {100 * loss:g} % | {figures} | {np.isinf(after).sum()} of {len(after)} |",
+        flush=True,
+    )
+
+
 def _first_after(rows: np.ndarray, by: int, healed_us: float) -> float:
     arrivals = rows[(rows[:, 0] == by) & (rows[:, 1] > healed_us), 2]
     return float(arrivals.min() - healed_us) / 1e6 if len(arrivals) else math.inf
@@ -102,7 +146,15 @@ def main() -> None:
     options.add_argument("--loss", type=float, default=0.0)
     options.add_argument("--parted", type=float, default=0.0)
     options.add_argument("protocols", nargs="+", choices=["quic", "udp", "tls", "tcp"])
+    options.add_argument("--starts", type=int, default=0)
     chosen = options.parse_args()
+    if chosen.starts:
+        print(
+            "| link | loss | half are heard after s | 95 % | 99 % | not within 25 s |\n| --- | --- | --- | --- | --- | --- |"
+        )
+        for protocol in chosen.protocols:
+            _tell_starts(protocol, chosen.loss, chosen.starts)
+        return
     again = " heard again after s, half of them | all |" if chosen.parted else ""
     print(f"| link | lost | p50 ms | p95 ms | p99 ms | longest ms |{again}")
     print("| --- | --- | --- | --- | --- | --- |" + " --- | --- |" * bool(again))
