@@ -28,7 +28,7 @@ from protocols.wire.transport import AGENT_RUNTIME, few_threads, filled, leave, 
 # What each protocol must be told to send best effort in datagrams; tests.scenarios.links measures what comes of it.
 _DATAGRAMS = {"udp": "?rel=1;mixed_rel=1", "quic": "?mixed_rel=1"}
 # A link that is silent for so long is made anew. QUIC left alone tries again at times that double: who was cut off for 3 s was
-# heard up to 6.2 s after the cut's end; by a new link, tried for at short intervals, after 1.7 s (tests.scenarios.links).
+# heard up to 6.2 s after the cut's end; by a new link, tried for at short intervals, after 0.8 s (tests.scenarios.links).
 _LEASE_MS = _OPEN_MS = 1500
 # Who is linked at one of another's places is turned away at the others, and tries again: that must not be often.
 _RETRY_MS = 100, 2000
