@@ -2,24 +2,20 @@
 
 - Only its owner may enter it. It lies under ``$XDG_RUNTIME_DIR``, else in the folder for temporary files.
 - The launcher removes it. If the launcher has died, the world does. If both were killed outright, a later
-  launch does: as long as any process of a run lives it holds a lock on the folder; one without a lock is
-  rubbish.
+  launch does (rsc_swarm.machine.abandoned).
 """
 
-import fcntl
 import os
 import shutil
 import tempfile
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from rsc_swarm.machine.abandoned import make_folder
+
 _PREFIX = "rsc-swarm-run-"
-_LOCK = "lock"
 _LONGEST_SOCKET_PATH = 100  # the kernel takes 107 bytes, and Zenoh puts a lock file beside the socket
-_YOUNG_S = 60.0  # a folder younger than this may be about to be locked
 
 
 def remove_run_folder(path: Path) -> None:
@@ -37,21 +33,15 @@ class RunFolder:
     """
 
     def __init__(self) -> None:
-        base = _base()
-        for rubbish in _abandoned(base):
-            remove_run_folder(rubbish)
-        self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=base))
-        # Children inherit the descriptor by fork, and the lock with it: it lasts as long as any of them.
-        self._lock = os.open(self.path / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        self.path, self._held = make_folder(_PREFIX, _base())
         self.socket = self.path / "world.sock"
         self.endpoint = f"unixsock-stream/{self.socket}"
 
     def remove(self) -> None:
         remove_run_folder(self.path)
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        if self._held >= 0:
+            os.close(self._held)
+            self._held = -1
 
     def __enter__(self) -> Self:
         return self
@@ -80,22 +70,3 @@ def _base() -> Path:
 def _is_plain(place: str) -> bool:
     """Whether it can stand in the address of an endpoint."""
     return not set(place) & set("?#") and place.isprintable()
-
-
-def _abandoned(base: Path) -> Iterator[Path]:
-    """Folders of runs of which no process is left."""
-    for folder in base.glob(f"{_PREFIX}*"):
-        try:
-            if time.time() - folder.stat().st_mtime < _YOUNG_S:
-                continue
-            lock = os.open(folder / _LOCK, os.O_RDWR)
-        except OSError:
-            continue  # another user's, or just being removed
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            continue
-        else:
-            yield folder
-        finally:
-            os.close(lock)

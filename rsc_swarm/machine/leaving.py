@@ -104,16 +104,22 @@ def nobody_asks() -> Iterator[set[int | signal.Signals]]:
 
 
 @contextmanager
-def passing_folder(prefix: str = "rsc-swarm-", beside: Path | None = None) -> Iterator[Path]:
-    """A private folder among the temporary ones, or in ``beside``, that is gone after the block: also for who leaves at once."""
-    from tempfile import mkdtemp  # loads much that most commands need later, if at all
+def passing_folder(prefix: str = "rsc-swarm-passing-", beside: Path | None = None) -> Iterator[Path]:
+    """A private folder among the temporary ones, or in ``beside``, that is gone after the block: also for who leaves at once.
+
+    That of who was killed outright is gone with the next of this name.
+    """
+    from tempfile import gettempdir  # loads much that most commands need later, if at all
+
+    from rsc_swarm.machine.abandoned import make_folder
 
     with nobody_asks():
-        folder = Path(mkdtemp(prefix=prefix, dir=beside))
+        folder, held = make_folder(prefix, beside or Path(gettempdir()))
         _passing[folder] = os.getpid()
     try:
         yield folder
     finally:
+        os.close(held)
         _remove_passing(folder)
 
 

@@ -102,7 +102,7 @@ def test_a_folder_that_nobody_could_remove_goes_with_the_next_launch(
         """
         long_ago = time.time() - 3600.0
         abandoned, in_use = RunFolder(), RunFolder()
-        os.close(abandoned._lock)
+        os.close(abandoned._held)
         for folder in (abandoned, in_use):
             os.utime(folder.path, (long_ago, long_ago))
         with RunFolder() as fresh:

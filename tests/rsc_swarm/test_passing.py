@@ -50,6 +50,24 @@ def test_a_child_leaves_the_passing_folders_of_its_parent(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_who_was_killed_outright_left_goes_with_the_next_of_its_name(tmp_path: Path) -> None:
+    """But for what lives, whatever its age; and for what only looks alike."""
+    (tmp_path / "x-10").mkdir()
+    with passing_folder("x-", tmp_path) as alive, passing_folder("y-", tmp_path) as other:
+        child = os.fork()
+        if child == 0:
+            with passing_folder("x-", tmp_path) as folder:
+                (folder / "half a page").write_text("...")
+                os.kill(os.getpid(), signal.SIGKILL)
+        os.waitpid(child, 0)
+        left = set(tmp_path.glob("x-????????")) - {alive}
+        assert len(left) == 1
+        for folder in tmp_path.iterdir():
+            os.utime(folder, (0, 0))
+        with passing_folder("x-", tmp_path) as new:
+            assert set(tmp_path.iterdir()) == {tmp_path / "x-10", alive, other, new}
+
+
 @pytest.mark.parametrize("name", ["a?b", "a#b", "a\nb", "a\udcffb"])
 def test_a_runtime_folder_that_can_stand_in_no_address_is_passed_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
