@@ -99,15 +99,8 @@ def _train(config: "TrainingConfig", out: Path | None, machines: Machines) -> Ex
         with unwind_when_asked(), closing(progress), crew_of(who) as crew:
             model = train(config, folder, machines.device, machines.threads, progress, crew.executor)
     except KeyboardInterrupt:
-        epoch = len(progress.curve) + 1
-        kept = "the epochs before are" if epoch > 2 else "the first epoch is" if epoch == 2 else "nothing is"
-        if progress.updates is not None:
-            part = f"of this one its flights and {progress.updates} of {config.updates} updates"
-            kept = f"{part} are" if epoch == 1 else f"{kept.rsplit(' ', 1)[0]} and {part} are"
-        print(
-            f"stopped in epoch {epoch} of {config.epochs}; {kept} kept, and the same command goes on from there",
-            file=sys.stderr,
-        )
+        where = progress.stopped(config)
+        print(f"stopped {where} kept, and the same command goes on from there", file=sys.stderr)
         return ExitCode.INTERRUPTED
     print(f"{model}: {model.stat().st_size / 1e6:.1f} MB, {_figures(progress.curve)}")
     return ExitCode.SUCCEEDED
@@ -140,6 +133,17 @@ class _Progress:
 
     def close(self) -> None:
         self._meter.close()
+
+    def stopped(self, config: "TrainingConfig") -> str:
+        """Where training was stopped, and what of it is (kept)."""
+        epoch = len(self.curve) + 1
+        if epoch > config.epochs:
+            return "while the model was written; all epochs are"
+        kept = "the epochs before are" if epoch > 2 else "the first epoch is" if epoch == 2 else "nothing is"
+        if self.updates is not None:
+            part = f"of this one its flights and {self.updates} of {config.updates} updates"
+            kept = f"{part} are" if epoch == 1 else f"{kept.rsplit(' ', 1)[0]} and {part} are"
+        return f"in epoch {epoch} of {config.epochs}; {kept}"
 
     def _said(self) -> str:
         return f"epoch {min(len(self.curve) + 1, self._epochs)} of {self._epochs}, {_figures(self.curve)}"

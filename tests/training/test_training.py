@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from typer.testing import CliRunner
 
 from agent.observation import WIDE_SIZE
 from rsc_swarm.cli import main as cli
+from rsc_swarm.cli.train import app  # knows the command, then
 from rsc_swarm.training import dagger
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError, make_config
@@ -295,3 +297,30 @@ def test_the_command_leaves_a_model_file_that_any_drone_can_read(tmp_path, monke
     )
     assert TrainingConfig.model_validate_json(about["config"]).width == 8
     assert 0 < planned < 10 * steady
+
+
+@pytest.mark.parametrize(
+    ("epochs", "updates", "said"),
+    [
+        (0, None, "in epoch 1 of 2; nothing is kept"),
+        (
+            1,
+            240,
+            "in epoch 2 of 2; the first epoch and of this one its flights and 240 of 480 updates are kept",
+        ),
+        (2, None, "while the model was written; all epochs are kept"),
+    ],
+)
+def test_who_stops_a_training_is_told_what_is_kept(epochs, updates, said, tmp_path, monkeypatch):
+    def stopped(config, folder, device, threads, progress, executor):
+        progress.begin(config, [])
+        for _ in range(epochs):
+            progress.epoch({"loss": 1.0})
+        if updates is not None:
+            progress.kept(updates)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rsc_swarm.training.dagger.train", stopped)
+    left = CliRunner().invoke(app, ["train", "--epochs", "2", "--out", str(tmp_path)])
+    assert left.exit_code == 130
+    assert f"stopped {said}, and the same command goes on from there" in left.output
