@@ -11,7 +11,7 @@ from agent.quick_ticks import QuickTicks
 from agent.radio.air import Air
 from agent.radio.hearing import Hearing
 from agent.slot_endpoints import SealsOf
-from protocols.kernels import release_code
+from protocols.kernels import release_memory
 from protocols.mission.document import Mission, parse_briefing
 from protocols.slots.seals import Stamps
 from protocols.wire import messages
@@ -118,7 +118,7 @@ def rehearse(mission: Mission) -> None:
         if quick(asked.data) is None:
             world.take(asked)
             drone.act(tick)
-    release_code()
+    release_memory()
 
 
 def seals_of(keys: SealKeys | None, agents: int, flight: bytes) -> SealsOf:

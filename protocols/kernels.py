@@ -14,7 +14,7 @@ import os
 import re
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property, partial
 from operator import is_
 from pathlib import Path
@@ -282,13 +282,16 @@ def by_reference(group: T) -> T:
     return cast(T, Page(group)) if COMPILED else group
 
 
-def release_code() -> None:
-    """Give back the memory of code that only starting took, above all of what links and compiles, when all is loaded.
+def release_memory() -> None:
+    """Give back memory that only starting took, when all is loaded: what was freed, and code, above all that of what compiles.
 
-    What is given back is as it is in its file, and the system reads it again where it is used once more. Does nothing where there
-    is no Linux.
+    Code that is given back is as it is in its file, and the system reads it again where it is used once more. Does nothing where
+    there is no Linux.
     """
-    told, advise = Path("/proc/self/smaps"), ctypes.CDLL(None).madvise
+    library = ctypes.CDLL(None)
+    with suppress(AttributeError):  # glibc's own
+        library.malloc_trim(0)
+    told, advise = Path("/proc/self/smaps"), library.madvise
     for begin, end in _UNCHANGED.findall(told.read_text()) if told.exists() else []:
         at, behind = int(begin, 16), int(end, 16)
         advise(ctypes.c_void_p(at), ctypes.c_size_t(behind - at), mmap.MADV_DONTNEED)

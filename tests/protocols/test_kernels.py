@@ -16,7 +16,7 @@ import pytest
 from protocols import kept
 from protocols.dynamics import clip_ball
 from protocols.kept import cache_folder, fingerprint, sources_of
-from protocols.kernels import COMPILED, by_reference, kernel, rebound, release_code
+from protocols.kernels import COMPILED, by_reference, kernel, rebound, release_memory
 
 ROOT = Path(__file__).resolve().parents[2]
 compiled = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
@@ -300,7 +300,7 @@ def resident_code_kb() -> int:
 def test_the_compilers_memory_is_given_back_and_it_still_compiles():
     kernel(lambda x: x + 1)(1)
     before = resident_code_kb()
-    release_code()
+    release_memory()
     assert resident_code_kb() < before / 4
     assert kernel(lambda x: x * 2)(3) == 6
 
