@@ -148,5 +148,5 @@ def _refused(endpoint: str, agent: int) -> str:
 def _stranger(endpoint: str) -> str:
     return (
         f"something listens at {endpoint} but does not answer as a world does: "
-        "another program has that port, or the world hangs"
+        "another program has that port, the world hangs, or the network loses nearly all"
     )

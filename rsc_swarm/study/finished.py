@@ -9,6 +9,7 @@ import fcntl
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -93,7 +94,8 @@ class Journal(ABC, Generic[_Key, _Record]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        with suppress(OSError):  # of a line for which there was no room, as `add` has said
+            self._file.close()
 
 
 class FinishedFlights(Journal[Seeds, Flight]):

@@ -7,6 +7,7 @@ curve.jsonl            one line of scalars per epoch; events.* are the same for 
 model.onnx, model.json at the end: the policy and its note
 """
 
+import io
 import json
 import math
 import shutil
@@ -15,7 +16,7 @@ from typing import Any
 
 import torch
 
-from protocols.whole_file import whole_file, write_whole
+from protocols.whole_file import write_whole
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.replay import Replay, Samples
 from rsc_swarm.training.watcher import Scalars
@@ -131,8 +132,9 @@ class TrainingFolder:
 
 
 def _write(path: Path, state: dict[str, Any]) -> None:
-    with whole_file(path) as file:
-        torch.save(state, file)
+    written = io.BytesIO()  # of what a disk says torch would make an error of its own
+    torch.save(state, written)
+    write_whole(path, written.getvalue())
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
@@ -28,7 +27,7 @@ from rsc_swarm.study.evaluate import (
     summarise,
 )
 from rsc_swarm.study.fingerprint import fingerprint
-from rsc_swarm.study.finished import FinishedFlights, FinishedFlightsError, journal_path
+from rsc_swarm.study.finished import journal_path
 from rsc_swarm.study.intervals import clustered, failure_bound, wilson
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import Flight, WorkerError, fly_all, fly_batch
@@ -214,14 +213,6 @@ def test_a_journal_is_of_one_model_file(tmp_path):
     assert fingerprint(SHORT) == others
 
 
-def test_two_evaluations_do_not_write_one_journal(tmp_path):
-    with (
-        FinishedFlights(tmp_path / "j.jsonl"),
-        pytest.raises(FinishedFlightsError, match="another command is writing here"),
-    ):
-        FinishedFlights(tmp_path / "j.jsonl")
-
-
 def test_a_dead_worker_is_an_error_and_not_a_silence(monkeypatch):
     def die(mission: Mission, seeds: object) -> object:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -332,11 +323,3 @@ def test_each_figure_is_over_the_flights_it_is_said_to_be_over():
     assert (result.allowed_in_1s_rate, result.allowed_after_max_s) == (1.0, 0.25)
     assert (result.disagreed, result.swaps_per_flight["committed"]) == (1, 1.5)
     assert [(failed.seed, failed.failure) for failed in result.failures] == [(2, "collision"), (3, "late")]
-
-
-def test_the_journal_is_plain_text(tmp_path):
-    path = Path(tmp_path / "j.jsonl")
-    evaluate(SHORT, SEEDS[:2], Crew(1), path)
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    assert [(line["map_seed"], line["seed"]) for line in lines] == SEEDS[:2]
-    assert lines[0]["outcome"]["failure"] == "late"

@@ -11,6 +11,7 @@ import yaml
 from typer.testing import CliRunner
 
 from agent.observation import WIDE_SIZE
+from protocols.whole_file import WriteError
 from rsc_swarm.cli import main as cli
 from rsc_swarm.cli.train import app  # knows the command, then
 from rsc_swarm.training import dagger
@@ -22,6 +23,7 @@ from rsc_swarm.training.learning import Learner, penalty
 from rsc_swarm.training.network import make_network
 from rsc_swarm.training.replay import Replay, Samples, mirrored
 from rsc_swarm.training.watcher import Nobody
+from tests.disk import full_disk
 from tests.training.conftest import TINY, weights
 
 
@@ -190,6 +192,11 @@ def test_a_damaged_checkpoint_is_one_line(tiny, tmp_path, unexported, damage):
     file.write_bytes(file.read_bytes()[:2000] if damage is None else damage)
     with pytest.raises(TrainingError, match=r"checkpoint.pt: is missing or damaged; remove .* train anew"):
         TrainingFolder(tmp_path, tiny).load()
+
+
+def test_a_checkpoint_for_which_there_is_no_room_is_named(tiny, tmp_path, unexported):
+    with pytest.raises(WriteError, match=r"\.pt: cannot be written \(File too large\)$"), full_disk(4096):
+        train(tiny.model_copy(update={"epochs": 1}), tmp_path, "cpu", 1, Nobody())
 
 
 @pytest.mark.parametrize(
