@@ -7,10 +7,14 @@ curve.jsonl            one line of scalars per epoch; events.* are the same for 
 model.onnx, model.json at the end: the policy and its note
 """
 
+import fcntl
 import io
 import json
 import math
+import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,10 +42,35 @@ class TrainingFolder:
         self._per_epoch = config.worlds * config.plans
         self._checkpoint, self._samples = path / "checkpoint.pt", path / "samples"
         self._within = path / "within.pt"
+        self._whose = {"version": _VERSION, "config": config.model_dump_json()}
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise TrainingError(f"--out {path}: cannot be written ({error.strerror})") from None
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep others from training here.
+
+        Raises:
+            TrainingError: another command does.
+        """
+        held = os.open(self.path, os.O_RDONLY)
+        try:
+            self._lock(held)
+            yield
+        finally:
+            os.close(held)
+
+    def _lock(self, held: int) -> None:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise TrainingError(
+                f"--out {self.path}: another command trains here; wait for it, or give another folder"
+            ) from None
+        except OSError:
+            pass  # not every file system locks folders
 
     def load(self) -> dict[str, Any] | None:
         """The state after the last whole epoch; None at the beginning.
@@ -56,7 +85,13 @@ class TrainingFolder:
             raise TrainingError(
                 f"--out {self.path}: holds a training of another version; give another folder"
             )
-        theirs, ours = _config_in(state, self._checkpoint), self._config.model_dump(mode="json")
+        self._check_config(_config_in(state, self._checkpoint))
+        if not isinstance(state.get("curve"), list) or not isinstance(state.get("learner"), dict):
+            raise _damaged(self._checkpoint)
+        return state
+
+    def _check_config(self, theirs: dict[str, Any]) -> None:
+        ours = self._config.model_dump(mode="json")
         # A field that came later has its usual value in an older training.
         theirs = TrainingConfig.model_construct().model_dump(mode="json") | theirs
         if differing := [name for name in ours if theirs[name] != ours[name]]:
@@ -65,20 +100,20 @@ class TrainingFolder:
                 f"--out {self.path}: holds a training with {name} {theirs[name]}, not {ours[name]}; "
                 "give another folder"
             )
-        if not isinstance(state.get("curve"), list) or not isinstance(state.get("learner"), dict):
-            raise _damaged(self._checkpoint)
-        return state
 
     def load_within(self, epoch: int) -> dict[str, Any] | None:
         """The state amid ``epoch``, as `save_within` was given it; None if that was not saved.
 
         Raises:
-            TrainingError: it is damaged.
+            TrainingError: it is damaged, or of another config.
         """
         if not self._within.exists():
             return None
         state = _load(self._within)
-        return state if state.get("epoch") == epoch else None
+        if state.get("epoch") != epoch or state.get("version") != _VERSION:
+            return None
+        self._check_config(_config_in(state, self._within))
+        return state
 
     def save_flown(self, epoch: int, replay: Replay) -> None:
         """Keep the graphs that were flown in ``epoch``, the newest in the replay."""
@@ -87,20 +122,12 @@ class TrainingFolder:
 
     def save_within(self, state: dict[str, Any]) -> None:
         """Keep the state amid an epoch whose flights are kept already; ``state`` says which it is."""
-        _write(self._within, state)
+        _write(self._within, {**self._whose, **state})
 
     def save(self, curve: list[Scalars], learner: dict[str, Any], replay: Replay) -> None:
         """Keep the state after the newest epoch of the curve."""
         epoch = len(curve) - 1
-        _write(
-            self._checkpoint,
-            {
-                "version": _VERSION,
-                "config": self._config.model_dump_json(),
-                "curve": curve,
-                "learner": learner,
-            },
-        )
+        _write(self._checkpoint, {**self._whose, "curve": curve, "learner": learner})
         lines = "".join(json.dumps(scalars) + "\n" for scalars in curve)
         write_whole(self.path / "curve.jsonl", lines)
         overwritten = epoch - math.ceil(replay.capacity / self._per_epoch)

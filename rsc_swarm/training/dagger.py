@@ -54,8 +54,18 @@ def train(
         TrainingError: no such device, or as TrainingFolder and export. rsc_swarm.study.workers.WorkerError: a worker broke.
     """
     torch.set_num_threads(threads or len(os.sched_getaffinity(0)))
-    place = _device(device)
     folder = TrainingFolder(path, config)
+    with folder.alone():
+        return _train(config, folder, _device(device), watcher, executor)
+
+
+def _train(
+    config: TrainingConfig,
+    folder: TrainingFolder,
+    place: torch.device,
+    watcher: Watcher,
+    executor: Executor | None,
+) -> Path:
     state = folder.load()
     curve: list[Scalars] = state["curve"] if state else []
     watcher.begin(config, curve)
@@ -69,7 +79,7 @@ def train(
         learner.restore(state["learner"])
     folder.refill(replay, len(curve) + bool(within))
     held_out = validation(config)
-    with SummaryWriter(str(path), purge_step=len(curve)) as board:
+    with SummaryWriter(str(folder.path), purge_step=len(curve)) as board:
         while len(curve) < config.epochs and not (config.plateau and on_plateau(config, curve)):
             epoch = _Epoch(config, curve, learner, replay, folder, watcher, executor)
             scalars = epoch.run(within)

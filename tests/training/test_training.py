@@ -48,6 +48,13 @@ class Stopping(Nobody):
             raise KeyboardInterrupt
 
 
+class StoppedInTheFirst(Nobody):
+    """Presses Ctrl-C when the flights of the first epoch are kept."""
+
+    def kept(self, updates):
+        raise KeyboardInterrupt
+
+
 def test_the_loss_falls(tiny):
     torch.manual_seed(0)
     config = tiny.model_copy(update={"updates": 60, "learning_rate": 1e-2})
@@ -183,6 +190,23 @@ def test_a_folder_with_another_training_is_refused(tiny, tmp_path, unexported):
     train(short, tmp_path, "cpu", 1, Nobody())
     with pytest.raises(TrainingError, match="holds a training with width 8, not 16; give another folder"):
         TrainingFolder(tmp_path, short.model_copy(update={"width": 16})).load()
+
+
+def test_one_command_at_a_time_trains_in_a_folder(tiny, tmp_path):
+    first = TrainingFolder(tmp_path, tiny)
+    with first.alone(), pytest.raises(TrainingError, match="another command trains here; wait for it"):
+        train(tiny, tmp_path, "cpu", 1, Nobody())
+    with first.alone():
+        pass
+
+
+def test_what_was_kept_amid_the_first_epoch_is_of_one_training_too(tiny, tmp_path, unexported):
+    with pytest.raises(KeyboardInterrupt):
+        train(tiny, tmp_path, "cpu", 1, StoppedInTheFirst())
+    assert (tmp_path / "within.pt").exists()
+    with pytest.raises(TrainingError, match="holds a training with seed 0, not 5; give another folder"):
+        train(tiny.model_copy(update={"seed": 5}), tmp_path, "cpu", 1, Nobody())
+    train(tiny, tmp_path, "cpu", 1, Nobody())
 
 
 @pytest.mark.parametrize("damage", [b"", b"not a checkpoint", None])
