@@ -24,7 +24,11 @@ from rsc_swarm.flight.processes import leave_on_sigterm
 from rsc_swarm.flight.world_process import JOIN_S
 
 LEAVES_S = 30.0  # when the world is silent for so long
-_STRANGE = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
+_STRANGE = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "transport/shared_memory/enabled": False,  # it would leave a file
+}
 
 
 class Turn(NamedTuple):
