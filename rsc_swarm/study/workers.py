@@ -33,7 +33,7 @@ from world.invariants import Watched
 from world.outcome import Outcome
 
 Seeds = tuple[int, int]  # map seed, start seed
-TASK = 64  # flights that an executor is given at a time: some seconds to a minute of work
+TASK = 64  # flights that an executor is given at a time, at most: some seconds to a minute of work
 _TELL_EVERY = 50  # ticks
 _LISTEN_S = 0.05
 _FORK = get_context("fork")
@@ -96,6 +96,12 @@ def _in_step(mission: Mission) -> int:
 
 def _batches(seeds: list[Seeds], size: int) -> list[list[Seeds]]:
     return [seeds[first : first + size] for first in range(0, len(seeds), size)]
+
+
+def _shared_out(seeds: list[Seeds], workers: int, most: int) -> list[list[Seeds]]:
+    """At most so many at a time, so that in each round every worker flies as many."""
+    rounds = -(-len(seeds) // (workers * most))
+    return _batches(seeds, -(-len(seeds) // (workers * rounds)))
 
 
 def fly_batch(mission: Mission, seeds: list[Seeds]) -> Iterator[Flight | int]:
@@ -180,10 +186,7 @@ def fly_all(
             yield from _fly_elsewhere(executor, mission, seeds, workers)
         else:
             _rehearse(mission, seeds[0])
-            rounds = -(
-                -len(seeds) // (workers * _in_step(mission))
-            )  # in each of them every worker flies as many
-            batches = _batches(seeds, -(-len(seeds) // (workers * rounds)))
+            batches = _shared_out(seeds, workers, _in_step(mission))
             yield from _fly_forked(mission, batches, min(workers, len(batches)))
 
 
@@ -212,10 +215,9 @@ def told_in_a_line() -> Iterator[None]:
 def _fly_elsewhere(
     executor: Executor, mission: Mission, seeds: list[Seeds], workers: int
 ) -> Iterator[Flight | int]:
-    """`fly_all` on an executor: `TASK` flights a task, or fewer where some would have nothing to do."""
-    size = max(1, min(TASK, -(-len(seeds) // workers)))
-    code = fingerprint(mission)
-    flying = [executor.submit(_fly_task, code, mission, task) for task in _batches(seeds, size)]
+    """`fly_all` on an executor."""
+    code, tasks = fingerprint(mission), _shared_out(seeds, workers, TASK)
+    flying = [executor.submit(_fly_task, code, mission, task) for task in tasks]
     try:
         for future in as_completed(flying):
             flights: list[Flight] = future.result()
