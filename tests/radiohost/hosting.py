@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from protocols.wire.vehicles import host_endpoint
+from rsc_swarm.machine.priority import go_first
 from tests.fakes.udp import free_ports
 
 ROOT = Path(__file__).parents[2]
@@ -24,9 +25,8 @@ def hosting(port: int, dongle: int, **limits: float) -> Iterator[subprocess.Pope
     """For one Crazyflie, as drone 0, at a UDP port of this machine."""
     charge = {"drone": 0, "uri": f"udp://127.0.0.1:{port}", "limits": limits}
     settings = {"swarm": "rsc", "endpoint": host_endpoint(dongle), "charges": [charge]}
-    with subprocess.Popen(
-        [sys.executable, "-m", "rsc_swarm.radiohost", json.dumps(settings)], cwd=ROOT
-    ) as host:
+    command = [sys.executable, "-m", "rsc_swarm.radiohost", json.dumps(settings)]
+    with subprocess.Popen(command, cwd=ROOT, preexec_fn=go_first) as host:
         try:
             yield host
         finally:
