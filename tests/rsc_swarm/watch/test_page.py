@@ -24,11 +24,11 @@ def keep(page: Page, name: str) -> None:
 
 
 def pause_at_once(address: str) -> None:
-    """Browsers take their time on a busy machine: the flight waits for them."""
+    """Browsers take their time on a busy machine: the flight waits for them, and goes slowly then."""
     place, token = address.removeprefix("http://").split("/#")
     with connect(f"ws://{place}/live", max_size=None) as page:
         page.send(token)
-        page.send(json.dumps({"pace": {"speed": 1.0, "paused": True}}))
+        page.send(json.dumps({"pace": {"speed": 0.25, "paused": True}}))
         while '"paused":true' not in str(page.recv(60)):
             pass
 
