@@ -13,7 +13,6 @@ A directory that already holds a flight is used again only if that is asked for;
 """
 
 import errno
-import fcntl
 import os
 import shutil
 import weakref
@@ -33,6 +32,7 @@ from protocols.mission.policy_name import file_of, named_by
 from protocols.whole_file import WriteError, write_whole
 from rsc_swarm.flight.events import End, events_of, json_lines
 from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.machine.abandoned import hold
 from world.outlets.trajectory import Trajectory
 
 _MARK = "# A flight of rsc-swarm: this is its mission, with every field.\n"
@@ -119,15 +119,13 @@ class RunDir:
         """
         if self._locked:
             return
-        folder = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held = hold(self.path)
         except BlockingIOError:
-            os.close(folder)
             raise RunDirError(
                 f"--run-dir {self.path}: another run writes there; give a new directory, or wait for its end"
             ) from None
-        self._locked = weakref.finalize(self, os.close, folder)
+        self._locked = weakref.finalize(self, os.close, held)
 
     def add_faults(self, faults: Sequence[Fault]) -> None:
         """Write down what hands did while the mission was flown: with it, it flies so again.

@@ -27,19 +27,30 @@ def make_folder(prefix: str, base: Path) -> tuple[Path, int]:
     return folder, held
 
 
+def hold(folder: Path) -> int:
+    """Keep a folder to this process and those forked from it, until the descriptor is closed that this returns.
+
+    Raises:
+        BlockingIOError: another process holds it. OSError: it cannot be opened, or its file system locks no folders.
+    """
+    held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(held)
+        raise
+    return held
+
+
 def _abandoned(base: Path, prefix: str) -> Iterator[Path]:
     for folder in base.glob(prefix + _RANDOM):
         try:
             if time.time() - folder.stat().st_mtime < _YOUNG_S:
                 continue
-            tried = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            held = hold(folder)
         except OSError:
-            continue  # another user's, or just being removed
+            continue  # in use, another user's, or just being removed
         try:
-            fcntl.flock(tried, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            continue
-        else:
             yield folder
         finally:
-            os.close(tried)
+            os.close(held)

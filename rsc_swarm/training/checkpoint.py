@@ -7,20 +7,20 @@ curve.jsonl            one line of scalars per epoch; events.* are the same for 
 model.onnx, model.json at the end: the policy and its note
 """
 
-import fcntl
 import io
 import json
 import math
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from protocols.whole_file import write_whole
+from rsc_swarm.machine.abandoned import hold
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.replay import Replay, Samples
 from rsc_swarm.training.watcher import Scalars
@@ -55,22 +55,16 @@ class TrainingFolder:
         Raises:
             TrainingError: another command does.
         """
-        held = os.open(self.path, os.O_RDONLY)
-        try:
-            self._lock(held)
+        with ExitStack() as until_the_end:
+            try:
+                until_the_end.callback(os.close, hold(self.path))
+            except BlockingIOError:
+                raise TrainingError(
+                    f"--out {self.path}: another command trains here; wait for it, or give another folder"
+                ) from None
+            except OSError:
+                pass  # not every file system locks folders
             yield
-        finally:
-            os.close(held)
-
-    def _lock(self, held: int) -> None:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise TrainingError(
-                f"--out {self.path}: another command trains here; wait for it, or give another folder"
-            ) from None
-        except OSError:
-            pass  # not every file system locks folders
 
     def load(self) -> dict[str, Any] | None:
         """The state after the last whole epoch; None at the beginning.

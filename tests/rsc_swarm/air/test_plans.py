@@ -152,9 +152,10 @@ def test_what_would_mean_nothing_to_a_body_is_refused(
 def test_keys_that_are_not_there_are_told_once(
     command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(monkeypatch, command, "--fleet", str(fleet_file(tmp_path, keys="none"))) != 0
+    file, none = fleet_file(tmp_path, keys="none"), tmp_path / "none"
+    assert run(monkeypatch, command, "--fleet", str(file)) != 0
     (told,) = capsys.readouterr().err.splitlines()
-    assert f"keys: there is no folder {tmp_path / 'none'}; make it with 'rsc-swarm keys " in told
+    assert f"keys: there is no folder {none}; make it with 'rsc-swarm keys {none} --fleet {file}'" in told
 
 
 def test_every_companion_computer_has_a_line_of_its_own_to_its_autopilot(tmp_path: Path) -> None:
