@@ -25,6 +25,10 @@ def _check_free(address: str) -> None:
             if kind is socket.SOCK_STREAM:  # what was closed a moment ago is free
                 tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             tried.bind(where)
+    except UnicodeError:  # of a name like 10.0.0..1
+        raise LinkError(
+            f"cannot listen at {address} (no machine can be called so): give an address of this machine"
+        ) from None
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             raise LinkError(

@@ -29,6 +29,7 @@ from agent.air.telemetry import UNKNOWN, Telemetry
 from agent.air.vehicle import Mode, Rig, Setpoint, State, VehicleAddressError, VehicleError
 from protocols.fleet.place import ned_of, ned_yaw
 from protocols.keeper import Stream
+from protocols.wire.endpoints import is_port
 from protocols.wire.vehicles import Kind, Order
 
 _CONNECTION = re.compile(r"(udpin|udpout|tcp):[^:/?\s]+:\d{1,5}|serial:/[^:?\s]+:\d{1,8}", re.ASCII)
@@ -279,7 +280,7 @@ def parse_address(where: str) -> Address:
             f"{connection!r} is no connection: one reads udpin:127.0.0.1:14550, udpout:HOST:PORT, tcp:HOST:PORT "
             "or serial:/dev/ttyAMA0:921600"
         )
-    if not connection.startswith("serial:") and not 0 < int(connection.rpartition(":")[2]) < 65536:
+    if not connection.startswith("serial:") and not is_port(int(connection.rpartition(":")[2])):
         raise ValueError(f"{connection!r} is no connection: a port is a number from 1 to 65535")
     asked = dict(parse_qsl(query, keep_blank_values=True))
     if asks and (not asked or asked.keys() - {"autopilot", "system"}):

@@ -18,7 +18,7 @@ class AgentDatagrams:
     Attributes:
         heard: whether one has come, so that the way is open.
 
-    Raises LinkError when the world has no address.
+    Raises LinkError when the world has no address, or this machine no way to it.
     """
 
     def __init__(self, endpoint: str, agent: int, key: bytes, hand_on: Callable[[bytes], None]) -> None:
@@ -31,11 +31,11 @@ class AgentDatagrams:
             raise LinkError(f"the world offers datagrams at {endpoint}, which has no port for them")
         try:
             family, kind, protocol, _, address = socket.getaddrinfo(*place, type=socket.SOCK_DGRAM)[0]
+            self._socket, self._address = socket.socket(family, kind, protocol), address
+            self._socket.bind(("", 0))
         except OSError as error:
-            raise LinkError(f"cannot find {place[0]} for datagrams: {error.strerror or error}") from error
-        self._socket, self._address = socket.socket(family, kind, protocol), address
+            raise LinkError(f"no datagrams can go to {endpoint}: {error.strerror or error}") from error
         self._socket.settimeout(_LOOK_S)
-        self._socket.bind(("", 0))
         datagrams.share_time()
         threading.Thread(target=self._hear, daemon=True).start()
 

@@ -24,20 +24,19 @@ from protocols.mission.values import (
     Probability,
     Section,
 )
-from protocols.wire.endpoints import checked_endpoint
+from protocols.wire.endpoints import checked_endpoint, is_port
 from protocols.wire.keys import MAX_AGENTS, LinkError
 
 LEAST_SCALE, MOST_SCALE = 0.25, 1.0
 
-_ADDRESS = re.compile(r"(udp|quic|tls|tcp)/(.+):(\d{1,5})")
+_ADDRESS = re.compile(r"(udp|quic|tls|tcp)/(.+):([0-9]{1,5})")
 _KEY = re.compile(r"([\w.-]+/)*[\w.-]*\{number\}[\w.-]*(/[\w.-]+)*")
-SECRET = ("quic", "tls")
-_SPARE = 1000
+SPARE = 1000  # ports from the first to the second of who listens by quic
 
 
 def _checked_address(address: str) -> str:
     match = _ADDRESS.fullmatch(address)
-    if not match or not 0 < int(match[3]) < 65536:
+    if not match or not is_port(int(match[3])):
         raise ValueError(
             f"{address!r} is no address; write quic/HOST:PORT, or udp/HOST:PORT without keys, for example udp/10.0.0.13:7450"
         )
@@ -61,7 +60,7 @@ def places_of(address: str) -> tuple[str, ...]:
     if protocol != "quic":
         return (address,)
     host, _, port = place.rpartition(":")
-    spare = int(port) + (_SPARE if int(port) + _SPARE < 65536 else -_SPARE)
+    spare = int(port) + (SPARE if is_port(int(port) + SPARE) else -SPARE)
     return address, f"quic/{host}:{spare}"
 
 

@@ -9,11 +9,11 @@ from functools import cached_property
 from itertools import combinations
 
 from protocols.dynamics import TICK_S, ticks_of
-from protocols.fleet.document import SECRET, Fleet, FleetError, host_of, places_of
+from protocols.fleet.document import SPARE, Fleet, FleetError, host_of, places_of
 from protocols.fleet.place import Flat, Place
 from protocols.mission import needs
 from protocols.mission.document import Mission, MissionError, parse_mission
-from protocols.wire.endpoints import is_here
+from protocols.wire.endpoints import SECRET, is_here
 from protocols.wire.sensed import MAX_OBSTACLES
 
 Disc = tuple[float, float, float]
@@ -186,9 +186,13 @@ def _check_before(fleet: Fleet, mission: Mission) -> None:
 def _check_addresses(plan: Plan) -> None:
     fleet = plan.fleet
     for (one, first), (other, second) in combinations(fleet.addresses.items(), 2):
-        if shared := set(places_of(first)).intersection(places_of(second)):
-            what = "that" if first == second else f"{shared.pop()}, which is the second port"
-            raise FleetError(f"{other}: {second} is {what} of {one}, too; give each its own address")
+        if first == second:
+            raise FleetError(f"{other}: {second} is that of {one}, too; give each its own address")
+        if shared := {*places_of(first)} & {*places_of(second)}:
+            raise FleetError(
+                f"{other}: {second} and {one}: {first} would both listen at {shared.pop()}, for who has a quic address listens "
+                f"{SPARE} ports from it, too; give one of them another port"
+            )
     for name, address in fleet.addresses.items():
         protocol = address.partition("/")[0]
         if (protocol in SECRET) != (fleet.keys is not None):

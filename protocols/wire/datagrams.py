@@ -14,7 +14,7 @@ import struct
 import sys
 from collections.abc import Iterator
 
-from protocols.wire.endpoints import split
+from protocols.wire.endpoints import is_port, split
 from protocols.wire.pieces import Joiner, cut
 
 KEY_BYTES = 32
@@ -42,10 +42,14 @@ def fresh_key() -> bytes:
 def place_of(endpoint: str) -> tuple[str, int] | None:
     """Host and UDP port for the datagrams of a world that listens on ``endpoint``; None for a socket of this machine.
 
-    It is the same number as the endpoint's, and the next one where that is taken: QUIC is UDP itself.
+    It is the same number as the endpoint's, and the next one (after the last the one before) where that is taken: QUIC is UDP
+    itself.
     """
     protocol, host, port = split(endpoint)
-    return None if protocol == "unixsock-stream" else (host, port + (protocol == "quic"))
+    if protocol == "unixsock-stream":
+        return None
+    beside = port + 1 if is_port(port + 1) else port - 1
+    return host, beside if protocol == "quic" else port
 
 
 class Seal:

@@ -15,31 +15,41 @@ PLAIN = ("unixsock-stream", "tcp", "ws")
 ANYWHERE = ("0.0.0.0", "::")  # every address of a machine
 
 # The protocols that both ends speak; what follows the port is left to Zenoh.
-_ENDPOINT = re.compile(r"unixsock-stream/.+|(tcp|tls|quic|ws)/.+:\d+.*")
+_ENDPOINT = re.compile(
+    r"unixsock-stream/(?P<path>.+)|(?P<protocol>tcp|tls|quic|ws)/(?P<host>[^?#\s]+):(?P<port>[0-9]{1,5})([?#].*)?"
+)
 
 
 class PlainTextError(SwarmError, RuntimeError):
     """Plain text would leave this machine, and nobody said that it may."""
 
 
+def is_port(number: int) -> bool:
+    """Whether somebody can be reached at a port of this number."""
+    return 0 < number < 65536
+
+
 def checked_endpoint(endpoint: str) -> str:
     """``endpoint`` itself if it reads like the address of a world, else LinkError."""
-    if not _ENDPOINT.fullmatch(endpoint):
-        raise LinkError(
-            f"{endpoint!r} is not an endpoint: an endpoint reads tls/ADDRESS:PORT, for example tls/192.168.1.10:7447, "
-            "or quic/ADDRESS:PORT, tcp/ADDRESS:PORT or unixsock-stream//folder/world.sock"
-        )
+    split(endpoint)
     return endpoint
 
 
 def split(endpoint: str) -> tuple[str, str, int]:
-    """Protocol, host (without brackets) and port; of a Unix socket its path, and 0."""
-    protocol, _, address = checked_endpoint(endpoint).partition("/")
-    if protocol == "unixsock-stream":
-        return protocol, address, 0
-    place = re.match(r"(.+):(\d+)", address)
-    assert place  # checked above
-    return protocol, place[1].strip("[]"), int(place[2])
+    """Protocol, host (without brackets) and port; of a Unix socket its path, and 0.
+
+    Raises:
+        LinkError: it does not read like the address of a world.
+    """
+    match = _ENDPOINT.fullmatch(endpoint)
+    if match and match["path"]:
+        return "unixsock-stream", match["path"], 0
+    if match and is_port(int(match["port"])):
+        return match["protocol"], match["host"].strip("[]"), int(match["port"])
+    raise LinkError(
+        f"{endpoint!r} is not an endpoint: an endpoint reads tls/ADDRESS:PORT, for example tls/192.168.1.10:7447, "
+        "or quic/ADDRESS:PORT, tcp/ADDRESS:PORT or unixsock-stream//folder/world.sock; ports go from 1 to 65535"
+    )
 
 
 def is_secret(endpoint: str) -> bool:

@@ -16,6 +16,7 @@ import zlib
 from enum import IntFlag, StrEnum
 from typing import NamedTuple
 
+from protocols.wire.endpoints import is_port
 from protocols.wire.keys import checked_agent, checked_swarm
 
 Vector = tuple[float, float, float]
@@ -118,7 +119,7 @@ def dongle_of(uri: str) -> int:
         ValueError: it is no such address. One line.
     """
     match = _URI.fullmatch(uri)
-    if not match or int(match["channel"] or 0) > _LAST_CHANNEL or not 0 < int(match["port"] or 1) < 65536:
+    if not match or int(match["channel"] or 0) > _LAST_CHANNEL or not is_port(int(match["port"] or 1)):
         raise ValueError(
             f"{uri!r} is no address of a Crazyflie: one reads radio://0/80/2M/E7E7E7E701 (dongle, channel to {_LAST_CHANNEL}, "
             "rate, address of ten digits), or udp://127.0.0.1:19850"

@@ -90,10 +90,9 @@ def _listen(asked: Asked) -> socket.socket:
     ports = (USUAL_PORT, 0) if asked.port is None else (asked.port,)
     try:
         family, _, _, _, address = socket.getaddrinfo(asked.host, 0, type=socket.SOCK_STREAM)[0]
-    except OSError as error:
-        raise ViewError(
-            f"--view-host {asked.host}: {error.strerror}; give an address of this machine"
-        ) from None
+    except (OSError, UnicodeError) as error:  # the latter of a name like 10.0.0..1
+        why = getattr(error, "strerror", None) or "no machine can be called so"
+        raise ViewError(f"--view-host {asked.host}: {why}; give an address of this machine") from None
     for port in ports:
         listener = socket.socket(family, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -154,4 +154,10 @@ def test_an_endpoint_is_one_or_it_is_refused(text: str) -> None:
         protocol, host, port = split(checked_endpoint(text))
         assert text.startswith(f"{protocol}/")
         assert host in text
-        assert port >= 0
+        assert (0 < port < 65536) == (protocol != "unixsock-stream")
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "1" + 30 * "0", 5000 * "1", "²", "7447x", "7447 "])
+def test_who_cannot_be_reached_has_no_endpoint(port: str) -> None:
+    with pytest.raises(LinkError, match=r"is not an endpoint: .*; ports go from 1 to 65535$"):
+        split(f"tcp/127.0.0.1:{port}")

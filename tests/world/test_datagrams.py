@@ -1,6 +1,8 @@
 """Datagrams between a drone and the world: sealed for one process, lost without harm, and nobody else's are heard."""
 
+import errno
 import queue
+import socket
 import sys
 from collections.abc import Iterator
 
@@ -68,6 +70,7 @@ def test_what_is_no_datagram_is_none(data: bytes) -> None:
         ("tls/world.local:7447#iface=eth0", ("world.local", 7447)),
         ("tcp/[fe80::1]:7447", ("fe80::1", 7447)),
         ("quic/10.0.0.1:7447", ("10.0.0.1", 7448)),
+        ("quic/10.0.0.1:65535", ("10.0.0.1", 65534)),
         ("unixsock-stream//run/world.sock", None),
     ],
 )
@@ -129,6 +132,17 @@ def test_a_port_that_is_taken_is_named(world: Met) -> None:
         LinkError, match=rf"^cannot listen for datagrams of {endpoint}: Address already in use\. "
     ):
         WorldDatagrams([endpoint], print)
+
+
+def test_a_drone_whose_machine_has_no_socket_left_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none_left(*_: object) -> socket.socket:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr("agent.radio.datagrams.socket.socket", none_left)
+    with pytest.raises(
+        LinkError, match=r"^no datagrams can go to tcp/127\.0\.0\.1:7447: Too many open files$"
+    ):
+        AgentDatagrams("tcp/127.0.0.1:7447", 0, KEY, print)
 
 
 def test_without_an_address_there_are_no_datagrams() -> None:

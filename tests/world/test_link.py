@@ -116,7 +116,7 @@ def test_a_world_that_is_not_there_is_named_as_the_trouble(endpoint: str) -> Non
         ([], "has no endpoint"),
         (["7447"], "'7447' is not an endpoint"),
         (["tcp/127.0.0.1"], "is not an endpoint"),
-        (["tcp/127.0.0.1:99999"], "invalid port"),
+        (["tcp/127.0.0.1:99999"], "ports go from 1 to 65535"),
         (["unixsock-stream//no/such/folder/world.sock"], "No such file or directory"),
     ],
 )

@@ -44,7 +44,7 @@ class WorldDatagrams:
             self.close()
             raise LinkError(
                 f"cannot listen for datagrams of {endpoint}: {error.strerror or error}. In real time the world listens on the "
-                "UDP port of the same number (quic: the next one): free it, or choose another port"
+                "UDP port of the same number (quic: one beside it): free it, or choose another port"
             ) from error
         if self._sockets:
             datagrams.share_time()

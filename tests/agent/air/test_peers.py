@@ -148,7 +148,11 @@ def test_an_address_that_is_taken_is_told(band: Band) -> None:
 
 @pytest.mark.parametrize("protocol", ["udp", "quic", "tcp", "tls"])
 def test_an_address_of_no_machine_or_of_another_is_told(protocol: str) -> None:
-    for host, why in (("203.0.113.9", "Cannot assign requested address"), ("nowhere.invalid", "")):
+    for host, why in (
+        ("203.0.113.9", "Cannot assign requested address"),
+        ("nowhere.invalid", ""),
+        ("10.0.0..1", "no machine can be called so"),
+    ):
         address = f"{protocol}/{host}:7450"
         with pytest.raises(
             LinkError, match=rf"cannot listen at {address} \({why}.*\): give an address of this machine"

@@ -212,11 +212,12 @@ def test_a_port_that_is_taken_is_said_in_a_line(site):
     port = int(site.address.split(":")[2].split("/")[0])
     with pytest.raises(ViewError, match=f"--view-port {port}: .*give another"), served(Asked(port=port)):
         pass
-    with (
-        pytest.raises(ViewError, match=r"--view-host nowhere.invalid: .*address of this machine"),
-        served(Asked("nowhere.invalid")),
-    ):
-        pass
+    for host in ("nowhere.invalid", "10.0.0..1"):
+        with (
+            pytest.raises(ViewError, match=rf"--view-host {host}: .*address of this machine"),
+            served(Asked(host)),
+        ):
+            pass
 
 
 def test_what_nobody_should_say_to_a_page_harms_no_other(site):
