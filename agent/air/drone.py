@@ -33,9 +33,9 @@ from protocols.dynamics import TICK_S
 from protocols.fleet.plan import Plan
 from protocols.slots.seals import Stamps
 from protocols.wire.account import Account, shown
-from protocols.wire.beacon import NO_TICK, Beacon, BeaconError, pack_beacon, unpack_beacon
+from protocols.wire.beacon import NO_TICK, Beacon, pack_beacon, unpack_beacon
 from protocols.wire.nature import WORLD, pack_status, to_drone
-from protocols.wire.operator import OperatorError, Order, unpack_word
+from protocols.wire.operator import Order, unpack_word
 
 _ACCOUNT_TICKS = 25
 _AGAIN_S = 0.3  # an order to the vehicle that shows no effect is given again
@@ -102,7 +102,7 @@ class AirDrone:
                         self._hear_beacon(sender, data, said.at_us, now)
             elif said.kind == "beacon" and not self._nature:
                 self._hear_beacon(drone_of(said.who), said.data, said.at_us, now)
-        except (BeaconError, OperatorError, ValueError):
+        except ValueError:  # a word, a beacon or an account that cannot be read: all say so
             return
 
     def _hear_beacon(self, sender: int, data: bytes, at_us: int, now: float) -> None:

@@ -187,7 +187,7 @@ def drone_of(name: str) -> int:
     Raises:
         ValueError: none is.
     """
-    return checked_agent(int(name)) if name.isascii() else -1
+    return checked_agent(int(name))
 
 
 def _key(swarm: str, who: str, kind: str) -> str:

@@ -1,4 +1,4 @@
-"""What a drone reports about itself to whoever runs the flight: for the view, the report and the watch."""
+"""What a drone reports about itself to whoever runs the flight: for the view, the report and the invariants."""
 
 from typing import Any, NamedTuple
 
@@ -57,5 +57,7 @@ def parse_status(fields: Any, agents: int) -> AgentStatus:
         raise ValueError("a status counts in whole numbers")
     if len(status.rejected) != len(REASONS) or len(status.swaps) != len(SWAP_COUNTS):
         raise ValueError("a status of another version")
+    if status.slot >= agents:
+        raise ValueError("a status of a slot that there is not")
     unpack_slots(status.view, agents)
     return status

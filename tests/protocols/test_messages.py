@@ -267,6 +267,8 @@ def test_a_status_is_read_as_it_was_written() -> None:
     "wrong",
     [
         STATUS._replace(slot=-1),
+        STATUS._replace(slot=6),
+        STATUS._replace(slot=2**63),  # no number that the world's arrays could hold
         STATUS._replace(slot=1.5),
         STATUS._replace(heard=True),
         STATUS._replace(rejected=(0,) * 6),

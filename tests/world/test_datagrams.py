@@ -4,6 +4,7 @@ import errno
 import queue
 import socket
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -118,6 +119,34 @@ def test_who_has_not_the_key_of_this_process_is_not_heard(world: Met) -> None:
         each.send(word)
         each.close()
     assert heard.get(timeout=30) == (3, b"new")
+    assert heard.empty()
+
+
+def test_two_copies_of_a_datagram_at_two_endpoints_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A network may double what it carries; of a seal that two threads look at, both could find it new."""
+    unwrap, inside, most = Seal.unwrap, [0], [0]
+
+    def slowly(self: Seal, datagram: bytes) -> tuple[bool, bytes | None]:
+        inside[0] += 1
+        most[0] = max(most[0], inside[0])
+        time.sleep(0.05)
+        inside[0] -= 1
+        return unwrap(self, datagram)
+
+    endpoints = [f"tcp/127.0.0.1:{port}" for port in free_ports(2)]
+    heard: queue.Queue[tuple[int, bytes]] = queue.Queue()
+    one = WorldDatagrams(endpoints, lambda *what: heard.put(what))
+    key = one.offer(3, process=77)
+    assert key is not None
+    monkeypatch.setattr(Seal, "unwrap", slowly)
+    (datagram,) = Seal(key, 3, at_world=False).wrap(b"here")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for endpoint in endpoints:
+            sender.sendto(datagram, datagrams.place_of(endpoint) or ())
+        assert heard.get(timeout=30) == (3, b"here")
+        time.sleep(0.2)
+    one.close()
+    assert most == [1]
     assert heard.empty()
 
 

@@ -34,7 +34,7 @@ class WorldDatagrams:
 
     def __init__(self, endpoints: Sequence[str], hand_on: Callable[[int, bytes], None]) -> None:
         """``hand_on`` is called with each drone and message, in threads of this object."""
-        self._hand_on, self._closed = hand_on, threading.Event()
+        self._hand_on, self._closed, self._unwrapping = hand_on, threading.Event(), threading.Lock()
         self._peers: dict[int, _Peer] = {}
         self._sockets: list[socket.socket] = []
         try:
@@ -91,7 +91,8 @@ class WorldDatagrams:
             peer = self._peers.get(agent)
             if peer is None:
                 continue
-            genuine, message = peer.seal.unwrap(data)
+            with self._unwrapping:  # of two endpoints, perhaps, which a copy of one datagram has reached at once
+                genuine, message = peer.seal.unwrap(data)
             if genuine:
                 peer.way = one, address
             if message is not None:

@@ -9,8 +9,10 @@ from agent.air.peers import OPERATOR, Said
 from agent.air.pilot import Phase
 from protocols.fleet.plan import Plan
 from protocols.mission.document import MissionError, parse_mission, read_mission_fields
-from protocols.wire.nature import WORLD
-from protocols.wire.operator import pack_word
+from protocols.wire.frames import REASONS
+from protocols.wire.nature import WORLD, pack_status
+from protocols.wire.operator import Order, Word, pack_word
+from protocols.wire.status import SWAP_COUNTS, AgentStatus
 from rsc_swarm.air.mixed import MixedWorld, mixed_mission
 from rsc_swarm.flight.report import report_of
 from tests.agent.air.faults import ROOM
@@ -115,6 +117,19 @@ def test_a_world_of_another_fleet_file_is_not_believed() -> None:
     hall.wait(1.0)
     found = hall.drones[0].complaints(hall.drones[0].vehicle.state(), hall.now)
     assert found[0].startswith("it does not hear the world at udp/127.0.0.1:7457; start it")
+
+
+@pytest.mark.parametrize("slot", [6, 2**63])
+def test_a_drone_that_says_it_holds_a_slot_that_there_is_not_stops_no_world(slot: int) -> None:
+    world = world_of(plan_with())
+    world.hear(Said(OPERATOR, "word", pack_word(Word(1, Order.GO, 0, 0)), 0), 0.0)
+    counts = (0,) * len(REASONS), (0,) * len(SWAP_COUNTS)
+    status = AgentStatus(slot, 0, *counts, 0, bytes(range(6)))
+    world.hear(Said("1", "status", pack_status(status), 0), 0.0)
+    for tick in range(3):
+        world.tick(10_000 * tick, 0.01 * tick)
+    assert world.core.claim.tolist() == [list(range(6))]
+    assert world.core.flying.all()
 
 
 @pytest.mark.parametrize("kind", ["kill", "freeze", "slow", "restart"])
