@@ -87,7 +87,7 @@ class Drone:
 
     def answer_quickly(self, world: RelayedWorld) -> Callable[[bytes], bytes | None]:
         """What answers Ticks of a relayed world in one compiled call, wherever nothing rare happens (agent.quick)."""
-        self._quick = QuickTicks(self._core, self._hearing, world)
+        self._quick = QuickTicks(self._core, self._hearing, world, self.status)
         return self._quick.answer
 
     def tell_plans(self, world: RelayedWorld) -> None:

@@ -14,7 +14,7 @@ from agent.radio.hearing import Hearing
 from protocols.kernels import by_reference
 from protocols.wire.messages import MAX_FROM_DRONE, with_account, with_plan
 from protocols.wire.rows import as_bytes
-from protocols.wire.status import STATUS_EVERY, AgentStatus
+from protocols.wire.status import AgentStatus, is_due
 
 
 class QuickTicks:
@@ -23,8 +23,11 @@ class QuickTicks:
     plan_of: what was planned at a tick, packed, for those who look on; None where nobody does.
     """
 
-    def __init__(self, core: AgentCore, hearing: Hearing, world: RelayedWorld) -> None:
-        self._core, self._hearing, self._world = core, hearing, world
+    def __init__(
+        self, core: AgentCore, hearing: Hearing, world: RelayedWorld, status: Callable[[], AgentStatus]
+    ) -> None:
+        """``status``: the drone's account of itself."""
+        self._core, self._hearing, self._world, self._status = core, hearing, world, status
         self._last, self._size = np.full(1, -1), np.zeros(1, np.int64)
         self._answer = np.zeros(MAX_FROM_DRONE, np.uint8)
         self._answer_bytes, self._last_tick, self._asked = self._answer.data, self._last.data, self._size.data
@@ -55,10 +58,6 @@ class QuickTicks:
         """The last tick that was flown, in whatever way."""
         return self._last_tick[0]
 
-    def status(self) -> AgentStatus:
-        """The drone's account of itself."""
-        return self._core.status(0, self.last, tuple(self._hearing.rejected.values()))
-
     def answer(self, message: bytes) -> bytes | None:
         """The Reply to this Tick, which is also the world's; None where it is to be done in the ordinary way."""
         size = len(message)
@@ -73,8 +72,8 @@ class QuickTicks:
         if size < 0:
             return None
         tick, status, reply = self._last_tick[0], None, self._answer_bytes[:size].tobytes()
-        if tick % STATUS_EVERY == 0:
-            status = self.status()
+        if is_due(tick, changed=False):
+            status = self._status()
             reply = with_account(reply, status)
         if self.plan_of and (plan := self.plan_of(tick)):
             reply = with_plan(reply, plan)

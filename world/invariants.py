@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
-from protocols.slots.written import is_assignment, unpack_slots
+from protocols.slots.history import is_permutation
+from protocols.slots.written import unpack_slots
 from protocols.wire.messages import MAX_HEARD
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -165,7 +166,7 @@ class Invariants:
         since, before = self._account.get(agent, (-1, None))
         if not before or (status.view, status.slot) != (before.view, before.slot):  # those were looked at
             view = unpack_slots(status.view, self._agents)
-            if not is_assignment(status.view, self._agents):
+            if not is_permutation(view):
                 return "permutation", f"believes {list(view)}"
             if view[agent] != status.slot:
                 return "own slot", f"says it holds slot {status.slot} and believes {list(view)}"

@@ -1,7 +1,7 @@
 """The port of a vehicle: what a drone's process asks of whatever flies it (a body of the air), and what a vehicle says of itself.
 
 The frame of the room: metres, m/s, m/s²; x east, y north, z up (ENU) from the room's own origin; yaw in radians from x to y.
-Where north is in a room, the fleet file decides; a vehicle that speaks NED turns that at its own border (agent.air.place).
+Where north is in a room, the fleet file decides; a vehicle that speaks NED turns that at its own border (protocols.fleet.place).
 
 - No call waits for the vehicle: a command is passed on, and `Vehicle.state` tells what became of it.
 - Whoever flies calls `Vehicle.state` at 100 Hz; a vehicle without a thread of its own does its reading there.

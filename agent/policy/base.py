@@ -31,7 +31,7 @@ class Seen:
 
     tick: 10 ms each. me: (A,) agent numbers. awake: (A,) rows to act for; the others' answers are ignored.
     position, velocity, target_position, target_velocity: (A, 2) own and the virtual target's; common local frame, m and m/s.
-    chain_error, slot_error: (A, 2) target minus position [m] (agent.observation.aim).
+    chain_error, slot_error: (A, 2) target minus position [m] (agent.observation.aim_row).
     observation: (A, 18) the paper's X_i. memory: neighbours, obstacles and what neighbours' frames said. arrays: all of these as
     one object for compiled policies (agent.tick_arrays): the drones' own arrays, not copies.
     """

@@ -60,6 +60,7 @@ def hash_swap(op: Swap) -> int:
 
 
 def is_permutation(numbers: Sequence[int]) -> bool:
+    """Whether they are 0, 1, 2, ... in some order: an assignment that gives every slot to exactly one agent."""
     return sorted(numbers) == list(range(len(numbers)))
 
 

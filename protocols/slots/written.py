@@ -3,9 +3,6 @@
 import struct
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 _ONE_BYTE = 256  # drones, at most
 
 
@@ -24,9 +21,3 @@ def unpack_slots(data: object, agents: int) -> tuple[int, ...]:
     if not isinstance(data, bytes) or len(data) != width * agents:
         raise ValueError(f"an assignment of {agents} slots has {width * agents} bytes")
     return tuple(data) if width == 1 else struct.unpack(f"<{agents}H", data)
-
-
-def is_assignment(data: bytes, agents: int) -> bool:
-    """Whether what `unpack_slots` can read gives every slot to exactly one agent."""
-    slot_of: NDArray[np.uint16 | np.uint8] = np.frombuffer(data, np.uint8 if agents <= _ONE_BYTE else "<u2")
-    return bool((np.sort(slot_of) == np.arange(agents)).all())

@@ -6,8 +6,8 @@ import random
 
 import pytest
 
-from protocols.slots.history import MAX_LEAP, MAX_TAKEN, SlotBook, Swap, hash_swap
-from protocols.slots.written import is_assignment, pack_slots, unpack_slots
+from protocols.slots.history import MAX_LEAP, MAX_TAKEN, SlotBook, Swap, hash_swap, is_permutation
+from protocols.slots.written import pack_slots, unpack_slots
 
 
 def swap(counter: int, a: int, b: int, slot_a: int, slot_b: int, nonce: int = 1) -> Swap:
@@ -197,8 +197,8 @@ def test_an_assignment_of_any_size_comes_back_from_its_bytes(agents: int) -> Non
     data = pack_slots(slot_of)
     assert unpack_slots(data, agents) == slot_of
     assert len(data) == (agents if agents <= 256 else 2 * agents)
-    assert is_assignment(data, agents)
-    assert is_assignment(bytes(len(data)), agents) == (agents == 1)
+    assert is_permutation(unpack_slots(data, agents))
+    assert is_permutation(unpack_slots(bytes(len(data)), agents)) == (agents == 1)
     for wrong in (data[:-1], data + b"\0", b"", list(data), None):
         with pytest.raises(ValueError, match=f"an assignment of {agents} slots has {len(data)} bytes"):
             unpack_slots(wrong, agents)

@@ -1,7 +1,7 @@
 """Chance that does not depend on the order in which things happen.
 
 Every draw is a pure function of (seed, rule, source, destination, tick): a counter-based generator after SplitMix64
-(Steele, Lea, InformationBound 2014). So two runs that ask in another order, or in another process, see the same luck.
+(Steele, Lea, Flood 2014). So two runs that ask in another order, or in another process, see the same luck.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """What the radio allowed: how far news could have come if every frame had told all that its sender knew.
 
-It looks at the frames that were really delivered, so no way of telling can be faster. The watch holds the drones' gossip
-against it.
+It looks at the frames that were really delivered, so no way of telling can be faster. world.invariants holds the drones'
+gossip against it.
 """
 
 from typing import NamedTuple

@@ -91,7 +91,7 @@ class WorldDatagrams:
             peer = self._peers.get(agent)
             if peer is None:
                 continue
-            with self._unwrapping:  # of two endpoints, perhaps, which a copy of one datagram has reached at once
+            with self._unwrapping:  # two endpoints may hear a copy each of one datagram at once
                 genuine, message = peer.seal.unwrap(data)
             if genuine:
                 peer.way = one, address
