@@ -72,9 +72,8 @@ class Director:
             Watch(core.active, core.flying, core.responsive, self._says, self._awake, self._sizes)
         )
         self._glance, self._is_deserted = rebound(glance), bound(is_deserted, self._watched)
-        self._seen: dict[
-            int, tuple[np.ndarray, Watched]
-        ] = {}  # sizes and what was watched, when it was decided
+        # Sizes, and what was watched, when it was decided.
+        self._seen: dict[int, tuple[np.ndarray, Watched]] = {}
 
     def tick(self) -> list[int]:
         """Fly one tick in every active world; return the worlds whose flight has just ended."""

@@ -22,13 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, TICKS_PER_S
 from protocols.slots.history import is_permutation
 from protocols.slots.written import unpack_slots
 from protocols.wire.messages import MAX_HEARD
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
-_SECOND = round(1 / TICK_S)
 _COMMITTED, _VACATED, _UNDONE = (SWAP_COUNTS.index(name) for name in ("committed", "vacated", "undone"))
 _IN_A_TICK = 2 * MAX_HEARD  # no count rises by more: nothing is counted more than twice per frame heard
 _REMEMBERED = 256  # accounts of one drone that are held against those of others
@@ -180,7 +179,7 @@ class Invariants:
                 return "counts", f"counts {now} after {was}"
         if before:
             lately = self._made_lately[agent]
-            while lately and lately[0][0] <= tick - _SECOND:
+            while lately and lately[0][0] <= tick - TICKS_PER_S:
                 lately.popleft()
             swaps = _made(status) - _made(before) + sum(made for _, made in lately)
             if swaps > self._own_bound:
@@ -255,7 +254,7 @@ class Invariants:
         if total > self._swaps:
             self._recent.append((tick, total - self._swaps))
         self._swaps = total
-        while self._recent and self._recent[0][0] <= tick - _SECOND:
+        while self._recent and self._recent[0][0] <= tick - TICKS_PER_S:
             self._recent.popleft()
         in_a_second = sum(count for _, count in self._recent)
         self._most = max(self._most, in_a_second)

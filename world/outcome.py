@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, ticks_of
 from protocols.mission.document import Mission
 from protocols.mission.fault import Fault
 from protocols.wire.status import AgentStatus
@@ -26,7 +26,7 @@ from world.referee import Verdict
 
 STRICT_SLOT_M = 1.0
 STRICT_HOLD_S = 2.0
-_STRICT_HOLD_TICKS = round(STRICT_HOLD_S / TICK_S)
+_STRICT_HOLD_TICKS = ticks_of(STRICT_HOLD_S)
 
 
 class StruckOff(NamedTuple):
@@ -124,11 +124,8 @@ class Judgement:
 
     def __init__(self, mission: Mission, both: bool = True) -> None:
         self._both = both
-        self._last_tick, self._hold_s, self._hold_ticks = (
-            mission.ticks,
-            mission.hold_s,
-            round(mission.hold_s / TICK_S),
-        )
+        self._last_tick = mission.ticks
+        self._hold_s, self._hold_ticks = mission.hold_s, ticks_of(mission.hold_s)
         self._by_strict = mission.success == "strict"
         self._closest = np.inf
         self._at_closest: tuple[int, Verdict, NDArray[np.float64]] | None = None  # tick, and what was so then

@@ -109,9 +109,8 @@ class Leader:
         self.profile, self.taken = profile, False
         self.keeper = Keeper(_limits(rig.failsafe, rig.acceleration_mps2))
         self._led = False
-        self._ramp: tuple[Vector, TakeOff, float, float] | None = (
-            None  # from where, what, since when, looking where
-        )
+        # From where, what, since when, looking where.
+        self._ramp: tuple[Vector, TakeOff, float, float] | None = None
         self._streaming_since = math.inf
         self._streamed_at = self._said_at = -math.inf
 

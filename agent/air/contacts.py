@@ -34,9 +34,8 @@ class _Window:
 
     def __init__(self, now: float) -> None:
         self._since = self._last = now
-        self._least: deque[tuple[float, float]] = (
-            deque()
-        )  # when, how much: the least first, then the least after it, ...
+        # When, and how much: the least first, then the least after it, ...
+        self._least: deque[tuple[float, float]] = deque()
 
     def add(self, now: float, late_s: float) -> None:
         if now - self._last > _PAUSE_S:
@@ -67,9 +66,8 @@ class Contacts:
         self._leashes: dict[int, Leash] = {}
         self._doubted: dict[int, float] = {}  # when last
         self._clocks: dict[int, _Window] = {}
-        self._echoes: dict[
-            int, tuple[float, float]
-        ] = {}  # by whom: how late this one comes to it [s], heard when
+        # By whom: how late this one comes to it [s], and when that was heard.
+        self._echoes: dict[int, tuple[float, float]] = {}
         self._ahead: deque[tuple[float, float]] = deque()  # when, this clock minus the others, as in a window
         self._waiting: dict[int, deque[tuple[int, bytes]]] = {}  # frames of ticks that are not past yet here
 

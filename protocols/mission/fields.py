@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, TICKS_PER_S
 from protocols.mission.fault import Fault
 from protocols.mission.formation import Formation, build_formation, default_shape, shape_points
 from protocols.mission.values import (
@@ -28,7 +28,9 @@ from protocols.mission.values import (
     Section,
     Span,
 )
+from protocols.relative import MAX_HOPS
 from protocols.wire.keys import checked_swarm
+from protocols.wire.sensed import MAX_OBSTACLES
 
 MAX_SWARM = 1024  # drones that one process flies; as processes of their own: protocols.wire.keys.MAX_AGENTS
 
@@ -78,10 +80,10 @@ class Obstacles(Section):
             low, high = getattr(self, name)
             if low > high:
                 raise ValueError(f"{name}: [{low}, {high}] is upside down; write the smaller number first")
-        if self.count[0] < 0 or self.count[1] > 16:
-            raise ValueError("count: give between 0 and 16 obstacles")
-        if self.discs is not None and len(self.discs) > 16:
-            raise ValueError("discs: give at most 16")
+        if self.count[0] < 0 or self.count[1] > MAX_OBSTACLES:
+            raise ValueError(f"count: give between 0 and {MAX_OBSTACLES} obstacles")
+        if self.discs is not None and len(self.discs) > MAX_OBSTACLES:
+            raise ValueError(f"discs: give at most {MAX_OBSTACLES}")
         return self
 
 
@@ -98,8 +100,8 @@ class Radio(Section):
     """The medium between drones."""
 
     range_m: Positive = 6.0
-    hops: Annotated[Count, Field(ge=1, le=3)] = 3
-    frame_rate_hz: Annotated[Number, Field(gt=0, le=100)] = 100.0
+    hops: Annotated[Count, Field(ge=1, le=MAX_HOPS)] = MAX_HOPS
+    frame_rate_hz: Annotated[Number, Field(gt=0, le=TICKS_PER_S)] = 100.0
     memory_s: Span | None = Field(
         None,
         description="how long a neighbour's last frame is believed; none: 0.5 s, or until the next has come",

@@ -32,9 +32,8 @@ from protocols.wire.status import AgentStatus, parse_status
 
 VERSION = 8
 WAIT_EVERY_S = 0.2  # while nothing else is said, the world says Wait this often
-SILENCE_LIMIT_S = (
-    90.0  # a drone that nobody looks after leaves when the world is silent for this long: longer than a pause
-)
+# A drone that nobody looks after leaves when the world is silent for this long: longer than a pause.
+SILENCE_LIMIT_S = 90.0
 MAX_HEARD = 1024  # frames one drone can be handed in one tick: of 249 others, some late and some twice
 FLIGHT_BYTES = 8
 MAX_PROCESS = MAX_PROOF = 2**32 - 1

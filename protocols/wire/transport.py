@@ -13,9 +13,8 @@ from protocols.wire.login import Certificates
 # Zenoh would otherwise take who is stopped for ten seconds for gone, and lose what was under way.
 _LEASE_MS = 24 * 3_600_000
 
-# The threads of Zenoh's own. With a pool for each kind of
-# work, cores are busy with switching between a swarm's threads. An agent has one thread; the world's reading has one of its own,
-# because it waits while the world has not taken in what was read.
+# The threads of Zenoh's own. With a pool for each kind of work, cores are busy with switching between a swarm's threads. An agent
+# has one thread; the world's reading has one of its own, because it waits while the world has not taken in what was read.
 _RUNTIME = "ZENOH_RUNTIME"
 _ONE = "(worker_threads:1,max_blocking_threads:2)"
 AGENT_RUNTIME = f"(rx:(handover:app),tx:(handover:app),net:(handover:app),acc:(handover:app),app:{_ONE})"

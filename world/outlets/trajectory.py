@@ -81,9 +81,8 @@ class Trajectory:
                     float(goal_x),
                     float(tick_s),
                 )
-        except (
-            Exception
-        ) as error:  # what a file can do to the readers of zip files and arrays has no base of its own
+        # What a file can do to the readers of zip files and arrays has no base of its own.
+        except Exception as error:
             reason = getattr(error, "strerror", None) or " ".join(str(error).split())
             raise TrajectoryError(f"{path}: is not a recorded flight ({reason})") from None
 

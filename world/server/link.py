@@ -1,8 +1,8 @@
 """The world's end of the wire: the Zenoh router of a run, through which every agent hears and speaks.
 
 - The router knows one login per agent and denies by default. On ``tls`` and ``quic`` an agent must also show the certificate
-  that has its name. Agent ``i`` may put
-  on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares or asks for.
+  that has its name. Agent ``i`` may put on ``tx(i)`` and subscribe to ``rx(i)``; it can do nothing else, whatever it declares
+  or asks for.
 - Payloads are opaque bytes. What one agent sends arrives in the order in which it was sent. What is too long is turned away at
   the door; while too much waits there, Zenoh reads no further.
 - ``send`` writes straight into the agent's socket (Zenoh's low-latency transport). It waits for an agent that has stopped

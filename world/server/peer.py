@@ -39,9 +39,8 @@ class Peer:
         self.question = b""
         self._rival: int | None = None
         self._rival_since = 0.0
-        self._open: dict[
-            int, tuple[int, int]
-        ] = {}  # by tick it owes an answer to: the proof, bytes sent by then
+        # By tick that it owes an answer to: the proof, and the bytes sent by then.
+        self._open: dict[int, tuple[int, int]] = {}
         self._sent_bytes = self._read_bytes = self._waits = 0
         self._granted = False
         self._excess = self._excess_at = 0.0

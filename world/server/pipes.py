@@ -13,10 +13,8 @@ import struct
 import termios
 import threading
 
-LOOK_S, LOOKS = (
-    0.5,
-    8,
-)  # so many looks find the same send: it does not end. A process that is stopped does not look.
+# Where so many looks find the same send, it does not end. A process that is stopped does not look.
+LOOK_S, LOOKS = 0.5, 8
 _FULL_BYTES = 50_000  # a pipe with less in it is not what a send waits for
 
 

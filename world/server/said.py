@@ -150,7 +150,6 @@ class Said:
     def answers(self) -> Answers:
         """All of it."""
         self._lie()
-        in_order = sorted(
-            self._accounts, key=itemgetter(0)
-        )  # those of one drone as they came: it may catch up
+        # Those of one drone as they came: it may catch up.
+        in_order = sorted(self._accounts, key=itemgetter(0))
         return Answers(self.command, self._sent_bytes, self._claim, in_order)
