@@ -17,5 +17,6 @@ def read_file(path: Path, most: int = _MOST_BYTES) -> bytes:
         while part := file.read(_PART_BYTES):  # all at once would take as much memory as there may be
             data += part
             if len(data) > most:
-                raise OSError(errno.EFBIG, f"it is longer than {most >> 20} MiB")
+                limit = f"{most >> 20} MiB" if most >> 20 else f"{most >> 10} KiB"
+                raise OSError(errno.EFBIG, f"it is longer than {limit}")
     return bytes(data)

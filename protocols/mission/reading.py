@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from protocols.errors import SwarmError
+from protocols.foreign_file import read_file
 
 MAX_BYTES = 1 << 16
 MAX_DEPTH = 16
@@ -153,8 +154,7 @@ def read_yaml_file(path: Path) -> dict[str, Any]:
         ReadingError: the file is missing, unreadable, too long, or no mapping of fields.
     """
     try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1).decode("utf-8")
+        text = read_file(path, MAX_BYTES).decode("utf-8")
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
