@@ -63,10 +63,13 @@ class Budget:
 
 _MOST = {
     **dict.fromkeys(TROUBLES, 20),
-    **dict.fromkeys(("loss", "burst", "duplicate", "reorder", "slow_factor", "spell_loss"), 1),
+    **dict.fromkeys(("loss", "burst", "duplicate", "reorder", "spell_loss"), 1),
+    "slow_factor": 0.99,
     **dict.fromkeys(("delay_ms", "jitter_ms"), 500),
     **dict.fromkeys(("until_s", "freeze_s", "part_s", "slow_s", "spell_s", "lie_s"), 600),
 }
+
+_LEAST = dict.fromkeys(("slow_factor", "spell_loss"), 0.01)  # of the rest 0; both are drawn in hundredths
 
 
 def parse_budget(text: str | None) -> Budget:
@@ -91,15 +94,15 @@ def parse_budget(text: str | None) -> Budget:
             )
         try:
             value = known[name](number)
-            if not 0 <= value <= _MOST[name]:
+            if not _LEAST.get(name, 0) <= value <= _MOST[name]:
                 raise ValueError
             if name.endswith("_s"):
                 value = round(value, 2)
-            if name == "slow_factor" and not value:
-                raise ValueError
         except ValueError:
             kind = "a whole number" if known[name] is int else "a number"
-            raise MissionError(f"--budget {word}: give {kind} from 0 to {_MOST[name]}") from None
+            raise MissionError(
+                f"--budget {word}: give {kind} from {_LEAST.get(name, 0)} to {_MOST[name]}"
+            ) from None
         budget = replace(budget, **{name: value})
     return budget
 

@@ -143,10 +143,12 @@ def fly(plan: Plan, crew: Crew, folder: Path, told: Told) -> Tally:
 
 def _fly_missing(plan: Plan, missing: list[int], journal: FlownTasks, executor: Executor, told: Told) -> None:
     flying = {executor.submit(fly_task, plan, task): task for task in missing}
+    so_far = journal.tally()  # to add all up anew after each task would take longer from task to task
     for future in _ended(flying):
-        task = flying[future]
-        journal.flown(task, plan.size(task), future.result())
-        told(journal.tally(), 0)
+        task, flown = flying[future], future.result()
+        journal.flown(task, plan.size(task), flown)
+        so_far.add(flown)
+        told(so_far, 0)
 
 
 def _shrink_found(plan: Plan, journal: FlownTasks, executor: Executor, told: Told) -> None:

@@ -117,7 +117,9 @@ def test_a_budget_is_read_as_it_is_written() -> None:
         ("kill=-1", "--budget kill=-1: give a whole number"),
         ("burst=nan", "--budget burst=nan: give a number from 0 to 1"),
         ("burst=2", "--budget burst=2: give a number from 0 to 1"),
-        ("slow_factor=0", "--budget slow_factor=0: give a number"),
+        ("slow_factor=0", "--budget slow_factor=0: give a number from 0.01 to 0.99"),
+        ("slow_factor=1", "--budget slow_factor=1: give a number from 0.01 to 0.99"),
+        ("spell_loss=0.004", "--budget spell_loss=0.004: give a number from 0.01 to 1"),
         ("", None),
     ],
 )
