@@ -36,20 +36,20 @@ class Recorded:
         """
         folder.check()
         mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
-        path, ended = Trajectory.load(folder.trajectory), folder.ended()
+        path, (ended, told) = Trajectory.load(folder.trajectory), folder.told()
         rows, agents = path.slots.shape
         fits = agents == mission.agents and rows and 0 <= path.slots.min() <= path.slots.max() < agents
         numbers = path.positions, path.velocities, path.obstacles, path.goal_x, path.tick_s
         if not fits or not all(np.isfinite(part).all() for part in numbers) or path.tick_s <= 0:
             raise RunDirError(f"{folder.trajectory}: is not the flight of the mission beside it")
         try:
-            report = FlightReport.model_validate_json(folder.told())
-        except (OSError, ValidationError):
-            told = (ended.failure or "in formation beyond the goal line").replace("-", " ")
+            report = FlightReport.model_validate_json(told)
+        except ValidationError:
+            verdict = (ended.failure or "in formation beyond the goal line").replace("-", " ")
             return cls(
                 mission,
                 path,
-                End(ended.failure, f"{told} after {ended.tau_s or path.times[-1]:.2f} s"),
+                End(ended.failure, f"{verdict} after {ended.tau_s or path.times[-1]:.2f} s"),
                 ended.tau_s,
             )
         return cls(mission, path, end_told(report), report.tau_s, report)

@@ -12,7 +12,6 @@
 A directory that already holds a flight is used again only if that is asked for; one that holds anything else is refused.
 """
 
-import errno
 import os
 import shutil
 import weakref
@@ -176,26 +175,17 @@ class RunDir:
                 f"{self.path}: no flight recorded here; simulate or launch with --run-dir makes one"
             )
 
-    def told(self) -> bytes:
-        """Its report.
-
-        Raises:
-            OSError: there is none, or it cannot be read.
-        """
-        if not self.report.is_file():
-            raise FileNotFoundError(errno.ENOENT, "no report")
-        return read_file(self.report)
-
-    def ended(self) -> Ended:
-        """How the flight in here ended; as interrupted if nobody came to write its report.
+    def told(self) -> tuple[Ended, bytes]:
+        """How the flight in here ended, and its report; as interrupted, and nothing, if nobody came to write one.
 
         Raises:
             RunDirError: the report is none.
         """
         if not self.report.is_file():
-            return Ended(None, "interrupted")
+            return Ended(None, "interrupted"), b""
         try:
-            return _ENDED.validate_json(self.told())
+            report = read_file(self.report)
+            return _ENDED.validate_json(report), report
         except (ValidationError, OSError):
             raise RunDirError(f"{self.report}: is not the report of a flight") from None
 

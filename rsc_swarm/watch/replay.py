@@ -55,10 +55,8 @@ def replay_of(folder: RunDir, progress: Callable[[float], None] = lambda share: 
 
 
 def _report(folder: RunDir) -> dict[str, Any] | None:
-    if not folder.report.is_file():
-        return None
-    folder.ended()  # refuses what is no report
-    report: dict[str, Any] = json.loads(folder.told())
+    _, told = folder.told()
+    report: dict[str, Any] | None = json.loads(told) if told else None
     return report
 
 
@@ -72,7 +70,7 @@ def _again(
         return [], "it was flown on the air, which nobody flies again"
     ticks, pictures = int(report["ticks"]), []
     try:
-        for director in fly_again(mission, report.get("clock", ""), ticks, report.get("digest", "")):
+        for director in fly_again(mission, report.get("clock", ""), ticks, report["digest"]):
             over = director.clock >= ticks or not director.core.active[0]
             if director.clock % _EVERY == 0 or over:
                 pictures.append(

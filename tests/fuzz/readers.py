@@ -271,7 +271,7 @@ def read_result(path: Path) -> None:
 def read_report(path: Path) -> None:
     if not path.read_bytes():
         path.unlink()
-    RunDir(path.parent).ended()
+    RunDir(path.parent).told()
 
 
 def read_recording(path: Path) -> None:

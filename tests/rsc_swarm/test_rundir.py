@@ -149,13 +149,13 @@ def test_other_things_are_never_touched(tmp_path):
 def test_a_report_that_is_none_is_named(tmp_path):
     folder = RunDir(tmp_path)
     folder.begin(SMALL)
-    assert folder.ended() == Ended(None, "interrupted"), "nobody came to write a report"
+    assert folder.told()[0] == Ended(None, "interrupted"), "nobody came to write a report"
     folder.report.write_text('{"tau_s": 1.5, "failure": null, "since": "another version"}')
-    assert folder.ended() == Ended(1.5, None)
+    assert folder.told()[0] == Ended(1.5, None)
     for garbage in (b"", b"[]", b"\xff", b"[" * 100_000, b'{"tau_s": "x", "failure": 1e999}'):
         folder.report.write_bytes(garbage)
         with pytest.raises(RunDirError, match=rf"^{folder.report}: is not the report of a flight$"):
-            folder.ended()
+            folder.told()
 
 
 def test_two_runs_at_once_do_not_write_into_one_directory(tmp_path):
