@@ -279,8 +279,8 @@ def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
     """Draw flights, seen from above, one below the other and to the same scale, into the file ``out`` (.png, .svg, .pdf).
 
     Raises:
-        rsc_swarm.show.plots.style.PlotError: matplotlib is missing (``pip install matplotlib``), or cannot write this file.
-        MissionError: these are no flights.
+        rsc_swarm.show.plots.style.PlotError: matplotlib is missing (``pip install matplotlib``), or knows no such files.
+        protocols.whole_file.WriteError: it cannot be written. MissionError: these are no flights.
     """
     several = one_or_several("flights", flights, Flight, _A_FLIGHT)
     if not several:

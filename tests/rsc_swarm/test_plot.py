@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from protocols.mission.document import Mission
+from protocols.whole_file import WriteError
 from rsc_swarm.cli import pictures as plot_command
 from rsc_swarm.cli.pictures import Subject
 from rsc_swarm.flight.events import End
@@ -23,6 +24,7 @@ from rsc_swarm.show.plots.style import PlotError, look
 from rsc_swarm.study.intervals import wilson
 from rsc_swarm.study.tables.result import RowResult, TableResult, write_table
 from rsc_swarm.study.tables.table import Paper
+from tests.disk import full_disk
 from world.outlets.recorder import Recorder
 from world.outlets.trajectory import Trajectory, TrajectoryError
 
@@ -126,6 +128,11 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
         plot_command.make(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
     with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
         plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.xyz", Subject())
+    out = tmp_path / "flight.png"
+    out.write_text("an earlier one")
+    with full_disk(1000), pytest.raises(WriteError, match=rf"^{out}: cannot be written \(File too large\)"):
+        plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), out, Subject())
+    assert out.read_text() == "an earlier one"
     (tmp_path / "bad.npz").write_text("not a flight")
     with pytest.raises(TrajectoryError, match="is not a recorded flight"):
         Trajectory.load(tmp_path / "bad.npz")

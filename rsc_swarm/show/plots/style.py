@@ -4,6 +4,7 @@ Needs matplotlib (``pip install matplotlib``), which nothing else does.
 """
 
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.errors import SwarmError
+from protocols.whole_file import write_whole
 
 INK, FAINT, ROCK, ALARM, GRID = "#1f2933", "#9aa5b1", "#52606d", "#d64545", "#e4e7eb"
 LINES = (
@@ -95,14 +97,15 @@ def save(figure: Any, out: Path) -> None:
     """Write ``figure`` into the file ``out``; its ending chooses the format.
 
     Raises:
-        PlotError: it cannot be written.
+        PlotError: there is no such format. protocols.whole_file.WriteError: it cannot be written.
     """
     if out.is_dir() or not out.suffix:
         raise PlotError(f"--out {out}: give a file that ends in .png, .svg or .pdf")
     if figure.get_layout_engine() is None:
         figure.tight_layout()
+    made = BytesIO()
     try:
-        figure.savefig(out, dpi=160, facecolor="white")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise PlotError(f"--out {out}: cannot be written ({reason})") from None
+        figure.savefig(made, format=out.suffix[1:].lower(), dpi=160, facecolor="white")
+    except ValueError as error:
+        raise PlotError(f"--out {out}: cannot be written ({str(error).splitlines()[0]})") from None
+    write_whole(out, made.getvalue())
