@@ -1,5 +1,6 @@
 """The report of a campaign: one page, one line a failure, with the command that replays it."""
 
+import shlex
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -87,5 +88,5 @@ def _row(failure: Failure, place: Path, folder: Path) -> str:
     return (
         f"<tr><td>{mission.map_seed}, {mission.seed}<td>{count}<td>{escape(failure.broken.detail)}<td>{told}"
         f'<td><a href="{escape(link)}">{escape(place.name)}</a>'
-        f"<td><code>rsc-swarm campaign --replay {escape(str(place))}</code></tr>"
+        f"<td><code>{escape(shlex.join(['rsc-swarm', 'campaign', '--replay', str(place)]))}</code></tr>"
     )

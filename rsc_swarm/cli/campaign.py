@@ -1,5 +1,6 @@
 """``rsc-swarm campaign``: random faults within a budget, and what they break."""
 
+import shlex
 import sys
 import time
 from contextlib import closing
@@ -154,7 +155,7 @@ def _tell(plan: "Plan", tally: "Tally", folder: Path, again: str, seconds: float
             f"\n{group.name}: {len(group.failures)}, the shortest with {len(shortest.mission.faults)} faults"
         )
         print(f"  {shortest.broken.detail}")
-        print(f"  rsc-swarm campaign --replay {places[shortest.digest]}")
+        print("  " + shlex.join(["rsc-swarm", "campaign", "--replay", str(places[shortest.digest])]))
     print(f"\n{index}")
     return ExitCode.FAILED if tally.failures else ExitCode.SUCCEEDED
 

@@ -1,5 +1,6 @@
 """What a test does with missions: fly them, and ask whether all was kept that must be."""
 
+import shlex
 from pathlib import Path
 
 from protocols.mission.document import Mission
@@ -26,12 +27,13 @@ class Broke(AssertionError):
             )
             for fault in mission.faults
         ]  # fmt: skip
+        file = shlex.quote(str(path))
         lines = [
             f"{failure.broken.name}: {failure.broken.detail}",
             f"{mission.agents} drones, policy {mission.policy}, map {mission.map_seed}, seed {mission.seed}",
             *(faults or ["  nothing went wrong"]),
-            f"Fly it again:  rsc-swarm simulate --mission {path}",
-            f"In processes:  rsc-swarm campaign --replay {path}",
+            f"Fly it again:  rsc-swarm simulate --mission {file}",
+            f"In processes:  rsc-swarm campaign --replay {file}",
         ]
         super().__init__("\n".join(lines))
 
