@@ -196,7 +196,7 @@ def read_script(text: str, plan: Plan) -> list[Step]:
     steps = []
     for word in filter(None, (word.strip() for word in text.split(","))):
         name, _, seconds = word.partition("=")
-        if name == "wait" and seconds.replace(".", "", 1).isdigit():
+        if name == "wait" and seconds.replace(".", "", 1).isdecimal():
             steps.append(Step("wait", None, frozenset(), float(seconds)))
         elif word in _STEPS:
             steps.append(_STEPS[word])

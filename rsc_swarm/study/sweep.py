@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from protocols.errors import SwarmError
 from protocols.mission.document import Mission, MissionError
-from protocols.mission.reading import ReadingError, read_yaml
+from protocols.mission.reading import ReadingError, read_yaml, write_value
 from protocols.whole_file import write_whole
 from rsc_swarm.options import MissionOptions, resolve
 from rsc_swarm.study.evaluate import Evaluation, evaluate, summarise
@@ -100,12 +100,8 @@ def prepare(options: MissionOptions, axes: list[Axis]) -> list[Job]:
 
 
 def _mission(options: MissionOptions, at: dict[str, Any]) -> Mission:
-    words = [f"{field}={_written(value)}" for field, value in at.items()]
+    words = [f"{field}={write_value(value)}" for field, value in at.items()]
     return resolve(MissionOptions(**{**vars(options), "set": [*(options.set or []), *words]}))
-
-
-def _written(value: Any) -> str:
-    return repr(value).lower() if isinstance(value, bool) else str(value)
 
 
 def fly(

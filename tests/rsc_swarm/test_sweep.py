@@ -54,6 +54,11 @@ def test_the_points_are_a_grid_with_the_last_axis_fastest() -> None:
     assert {(job.mission.agents, job.mission.hold_s) for job in jobs} == {(9, 1.0)}
 
 
+def test_a_value_reaches_the_mission_as_it_was_read() -> None:
+    jobs = prepare(MissionOptions(), [parse_axis("fly_s=null,2")])
+    assert [job.mission.fly_s for job in jobs] == [None, 2.0]
+
+
 @pytest.mark.parametrize(
     ("axes", "complaint"),
     [

@@ -256,6 +256,7 @@ BAD = [
         "'fly' is no step; known: preflight, arm, takeoff",
     ),
     (("ground", "--fleet", "room.yaml", "--do", ""), "--do: nothing; write steps"),
+    (("ground", "--fleet", "room.yaml", "--do", "wait=²"), "'wait=²' is no step; known: preflight"),
 ]
 
 
