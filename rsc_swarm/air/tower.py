@@ -13,7 +13,7 @@ from protocols.fleet.document import host_of
 from protocols.fleet.plan import Plan
 from protocols.wire.operator import Order
 from rsc_swarm.air.folder import check_folder, event_of, keep, next_folder
-from rsc_swarm.air.judged import Judged
+from rsc_swarm.air.judged import Judged, judged, path_of
 from rsc_swarm.air.station import Script, Station
 from rsc_swarm.flight.key_files import read_operator_login
 from rsc_swarm.machine.leaving import leave_when_asked
@@ -85,7 +85,5 @@ def watch(
         except SwarmError as error:  # it is told all the same
             print(f"rsc-swarm: this flight is not kept: {error}", file=sys.stderr)
         if outcome is None:
-            from rsc_swarm.air.judged import judged, path_of
-
             outcome = judged(plan, path_of(plan, station.log))
     return station, outcome, leave.asked

@@ -103,8 +103,8 @@ class Apart(Closing):
         if self._pid:
             os.kill(self._pid, signal.SIGKILL)
             self._end()
-            self._pipe.close()
-            self._log.close()
+        self._pipe.close()
+        self._log.close()
 
 
 def _serve(make: Callable[[], object], pipe: Connection, log: int) -> NoReturn:

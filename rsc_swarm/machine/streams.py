@@ -66,5 +66,5 @@ def _text(raw: io.RawIOBase, before: object) -> io.TextIOWrapper:
         io.BufferedWriter(raw),
         encoding=getattr(before, "encoding", None) or "utf-8",
         errors="backslashreplace",
-        line_buffering=raw is not None and (isinstance(raw, _Company) or raw.isatty()),
+        line_buffering=isinstance(raw, _Company) or raw.isatty(),
     )

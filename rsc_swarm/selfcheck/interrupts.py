@@ -5,6 +5,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from rsc_swarm.machine.leaving import passing_folder
 from rsc_swarm.selfcheck.watched import EARLY, SMALL, Seen, busy, common_faults, length_of, start
@@ -12,15 +13,25 @@ from rsc_swarm.selfcheck.watched import EARLY, SMALL, Seen, busy, common_faults,
 _LOOPS = 2
 
 
-def _drawn(seed: int, length_s: float) -> tuple[str, float, int]:
-    """What is started, after how many seconds of ``length_s`` Ctrl-C is pressed, and how many drones fly."""
+class Trial(NamedTuple):
+    """What is started, after how many seconds Ctrl-C is pressed, and how many drones fly."""
+
+    verb: str
+    at_s: float
+    agents: int
+
+
+def draw(seed: int, length_s: float) -> Trial:
+    """The trial of this seed; ``length_s``: Ctrl-C is pressed within so many seconds."""
     dice = random.Random(seed)
-    return dice.choice(["launch", "launch", "simulate"]), dice.uniform(0.0, length_s), dice.randint(3, 6)
+    return Trial(
+        dice.choice(["launch", "launch", "simulate"]), dice.uniform(0.0, length_s), dice.randint(3, 6)
+    )
 
 
-def press(seed: int, length_s: float, here: Path) -> tuple[float, Seen]:
-    """Press Ctrl-C, as a terminal does it, after a part of ``length_s`` that the ``seed`` decides; when, and what came of it."""
-    verb, at, agents = _drawn(seed, length_s)
+def press(trial: Trial, here: Path) -> tuple[float, Seen]:
+    """Press Ctrl-C, as a terminal does it; when that really was, s, and what came of it."""
+    verb, at, agents = trial
     watched = start([verb, "--agents", str(agents), *SMALL], here)
     begin = time.monotonic()
     time.sleep(at)
@@ -46,10 +57,10 @@ def check(runs: int, seed: int, say: Callable[[str], None]) -> Iterator[tuple[in
         lengths_s = {verb: length_of(verb) for verb in ("launch", "simulate")}
         length_s = lengths_s["launch"]
         for number in range(seed, seed + runs):
+            trial = draw(number, length_s)
             with passing_folder("rsc-swarm-check-") as folder:
-                at, seen = press(number, length_s, folder)
-            verb, *_ = _drawn(number, length_s)
-            faults = judge(seen, at < EARLY * lengths_s[verb])
+                at, seen = press(trial, folder)
+            faults = judge(seen, at < EARLY * lengths_s[trial.verb])
             say(f"{number}: Ctrl-C after {at:.2f} s: {'; '.join(faults) or 'as it should be'}")
             if faults:
                 yield number, f"Ctrl-C after {at:.2f} s: {'; '.join(faults)}"

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
@@ -56,13 +56,11 @@ class Watched:
     here: Path
     process: "subprocess.Popen[str]"
     asked: bool = False
-    _known: dict[int, psutil.Process] = field(default_factory=dict)
 
     def children(self) -> dict[str, psutil.Process]:
         """Its processes by name, as far as they live: ``world``, ``agent-0``, ..., and ``launcher``."""
         found = {}
         for process in _processes_of(self.process.pid):
-            self._known[process.pid] = process
             try:
                 name = Path(os.readlink(f"/proc/{process.pid}/fd/1")).stem
             except OSError:

@@ -79,15 +79,15 @@ class TrainingFolder:
             raise TrainingError(
                 f"--out {self.path}: holds a training of another version; give another folder"
             )
-        self._check_config(_config_in(state, self._checkpoint))
+        self._check_config(state, self._checkpoint)
         if not isinstance(state.get("curve"), list) or not isinstance(state.get("learner"), dict):
             raise _damaged(self._checkpoint)
         return state
 
-    def _check_config(self, theirs: dict[str, Any]) -> None:
+    def _check_config(self, state: dict[str, Any], path: Path) -> None:
         ours = self._config.model_dump(mode="json")
         # A field that came later has its usual value in an older training.
-        theirs = TrainingConfig.model_construct().model_dump(mode="json") | theirs
+        theirs = TrainingConfig.model_construct().model_dump(mode="json") | _config_in(state, path)
         if differing := [name for name in ours if theirs[name] != ours[name]]:
             name = differing[0]
             raise TrainingError(
@@ -106,7 +106,7 @@ class TrainingFolder:
         state = _load(self._within)
         if state.get("epoch") != epoch or state.get("version") != _VERSION:
             return None
-        self._check_config(_config_in(state, self._within))
+        self._check_config(state, self._within)
         return state
 
     def save_flown(self, epoch: int, replay: Replay) -> None:

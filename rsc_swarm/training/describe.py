@@ -14,6 +14,7 @@ from google.protobuf.message import DecodeError
 from agent.policy.model_file import ModelFileError, ModelNote, Shapes, note_of, parse_note
 from protocols.errors import ExitCode, SwarmError
 from protocols.foreign_file import read_file
+from protocols.printable import printable
 from protocols.whole_file import write_whole
 
 
@@ -59,8 +60,7 @@ def _compare(wanted: Shapes, given: Shapes) -> None:
     for name in sorted(wanted.keys() | given.keys()):
         should, is_ = wanted.get(name), given.get(name)
         if should != is_:
-            called = name if name.isprintable() else ascii(name)
-            raise ModelFileError(f"{called}: should be {_told(should)}, but is {_told(is_)}")
+            raise ModelFileError(f"{printable(name)}: should be {_told(should)}, but is {_told(is_)}")
 
 
 def _told(shape: tuple[int, ...] | None) -> str:

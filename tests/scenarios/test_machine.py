@@ -61,7 +61,7 @@ def test_random_faults_of_the_machine_find_nothing_wrong(tmp_path: Path, seed: i
 
 
 def test_ctrl_c_at_a_random_moment_finds_nothing_wrong(tmp_path: Path) -> None:
-    at, seen = interrupts.press(3, 4.0, tmp_path)
+    at, seen = interrupts.press(interrupts.draw(3, 4.0), tmp_path)
     assert interrupts.judge(seen, early=False) == [], at
 
 
