@@ -25,7 +25,7 @@ from protocols.wire.login import Login
 from rsc_swarm.flight.busy import answer, busy_at, explained
 from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
 from rsc_swarm.flight.socket_folder import RunFolder
-from rsc_swarm.flight.warm_up import warm_up, warm_up_drone
+from rsc_swarm.flight.warm_up import warm_up_launch
 from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
 from rsc_swarm.machine.census import born_at, process
 from rsc_swarm.machine.leaving import Leave, leave_when_asked
@@ -295,8 +295,7 @@ def launch(
             what was flown is told and saved like any other.
     """
     make_room(mission.agents)
-    warm_up(mission)
-    warm_up_drone(mission)
+    warm_up_launch(mission)
     logs = run_dir / "logs" if run_dir else None
     if logs:
         logs.mkdir(exist_ok=True)

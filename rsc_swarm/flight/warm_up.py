@@ -4,8 +4,9 @@ A policy of one's own is tried apart first (rsc_swarm.flight.apart): one that do
 """
 
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 
+from agent.policy.registry import policy_names
 from agent.process import rehearse
 from protocols.mission.document import Mission
 from rsc_swarm.flight.apart import Apart, is_own
@@ -34,6 +35,26 @@ def warm_up_drone(mission: Mission) -> None:
     """
     try_policy(mission.policy, partial(rehearse, mission))
     rehearse(mission)
+
+
+def warm_up_launch(mission: Mission) -> None:
+    """Both, for a launch, which forks all its processes from this one.
+
+    Launches of one mission in a row do it once: each time would leave a little memory in pieces, which all of them then carry. A
+    policy that is a file may have changed meanwhile, so it is tried again.
+
+    Raises:
+        world.field.FieldError, PolicyError, KeyboardInterrupt: as those.
+    """
+    (_once if mission.policy in policy_names() else _both)(mission)
+
+
+def _both(mission: Mission) -> None:
+    warm_up(mission)
+    warm_up_drone(mission)
+
+
+_once = lru_cache(maxsize=1)(_both)
 
 
 def try_policy(policy: str, work: Callable[[], object]) -> None:

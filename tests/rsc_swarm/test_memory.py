@@ -8,8 +8,9 @@ import pytest
 
 from agent.process import rehearse
 from protocols.mission.document import Mission
+from rsc_swarm.flight import warm_up as warming
 from rsc_swarm.flight.simulate import Simulation
-from rsc_swarm.flight.warm_up import warm_up
+from rsc_swarm.flight.warm_up import warm_up, warm_up_launch
 
 MISSION = Mission(agents=4, policy="analytic")
 
@@ -46,3 +47,15 @@ def test_what_was_tried_before_a_flight_is_gone_when_it_begins(begin: Callable[[
         gc.set_debug(0)
         gc.garbage.clear()
     assert left == []
+
+
+@pytest.mark.parametrize(("policy", "tried"), [("analytic", 1), ("agent.policy.analytic:Analytic", 2)])
+def test_launches_in_a_row_try_a_policy_anew_only_if_it_may_have_changed(
+    monkeypatch: pytest.MonkeyPatch, policy: str, tried: int
+) -> None:
+    mission, rehearsed = Mission(agents=3, policy=policy, seed=2011), []
+    monkeypatch.setattr(warming, "warm_up", rehearsed.append)
+    monkeypatch.setattr(warming, "warm_up_drone", lambda mission: None)
+    warm_up_launch(mission)
+    warm_up_launch(mission)
+    assert rehearsed == [mission] * tried
