@@ -19,13 +19,14 @@ _IN_SIGHT_M = 60.0
 @dataclass(frozen=True)
 class Recorded:
     """A recorded flight and how it ended. report: None of a flight on the air, and of one that nobody came to report. tau_s:
-    time of success, if there was one."""
+    time of success, if there was one. told: the report as it was written, whatever its version."""
 
     mission: Mission
     path: Trajectory
     end: End
     tau_s: float | None
     report: FlightReport | None = None
+    told: bytes = b""
 
     @classmethod
     def load(cls, folder: RunDir) -> "Recorded":
@@ -42,17 +43,17 @@ class Recorded:
         numbers = path.positions, path.velocities, path.obstacles, path.goal_x, path.tick_s
         if not fits or not all(np.isfinite(part).all() for part in numbers) or path.tick_s <= 0:
             raise RunDirError(f"{folder.trajectory}: is not the flight of the mission beside it")
-        try:
-            report = FlightReport.model_validate_json(told)
-        except ValidationError:
+        report = _report(told, mission)
+        if report is None:
             verdict = (ended.failure or "in formation beyond the goal line").replace("-", " ")
             return cls(
                 mission,
                 path,
                 End(ended.failure, f"{verdict} after {ended.tau_s or path.times[-1]:.2f} s"),
                 ended.tau_s,
+                told=told,
             )
-        return cls(mission, path, end_told(report), report.tau_s, report)
+        return cls(mission, path, end_told(report), report.tau_s, report, told)
 
     @property
     def failure(self) -> str | None:
@@ -72,7 +73,7 @@ class Recorded:
     def final_row(self) -> int:
         """The row of success, else the last."""
         last = len(self.path.slots) - 1
-        return last if self.tau_s is None else min(last, round(self.tau_s / self.path.tick_s))
+        return last if self.tau_s is None else round(min(last, self.tau_s / self.path.tick_s))
 
     @property
     def goal_in_sight(self) -> bool:
@@ -93,3 +94,14 @@ class Recorded:
     def events(self) -> list[Event]:
         """What happened, in order."""
         return events_of(self.path, self.mission, self.end)
+
+
+def _report(told: bytes, mission: Mission) -> FlightReport | None:
+    """The report of a flight of ``mission``; None if there is none, or it is of another version."""
+    try:
+        report = FlightReport.model_validate_json(told)
+    except ValidationError:
+        return None
+    if not all(0 <= place < len(mission.faults) for place in report.missed_faults):
+        return None
+    return report.model_copy(update={"mission": mission.model_dump(mode="json")})

@@ -19,15 +19,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from protocols.errors import SwarmError
 from protocols.foreign_file import read_file
 from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.fault import Fault
 from protocols.mission.policy_name import file_of, named_by
+from protocols.printable import Printable
 from protocols.whole_file import WriteError, write_whole
 from rsc_swarm.flight.events import End, events_of, json_lines
 from rsc_swarm.flight.report import FlightReport
@@ -45,8 +46,8 @@ class RunDirError(SwarmError, RuntimeError):
 class Ended:
     """Time of success, if there was one, and what else ended the flight."""
 
-    tau_s: float | None
-    failure: str | None
+    tau_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None
+    failure: Printable | None
 
 
 _ENDED = TypeAdapter(Ended)

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from protocols.errors import SwarmError
-from protocols.mission.document import Mission, parse_mission, read_mission_fields
+from protocols.mission.document import Mission
 from rsc_swarm.flight.again import fly_again
-from rsc_swarm.flight.run_dir import RunDir, RunDirError
+from rsc_swarm.flight.recorded import Recorded
+from rsc_swarm.flight.run_dir import RunDir
 from world.outlets.judged import findings_of
 from world.outlets.picture import COLUMNS, FARTHEST_M, FLYING, LOST, Picture, picture, scene_of
 from world.outlets.trajectory import Trajectory
@@ -41,34 +42,25 @@ def replay_of(folder: RunDir, progress: Callable[[float], None] = lambda share: 
         rsc_swarm.flight.run_dir.RunDirError, protocols.mission.document.MissionError, world.outlets.trajectory.TrajectoryError:
             there is none.
     """
-    folder.check()
-    mission = parse_mission(read_mission_fields(folder.mission), str(folder.mission))
-    path = Trajectory.load(folder.trajectory)
-    report = _report(folder)
-    if path.positions.shape[1] != mission.agents:
-        raise RunDirError(
-            f"{folder.path}: the recorded flight and {folder.mission.name} have different numbers of drones"
-        )
-    scene = scene_of(mission, path.obstacles, path.goal_x) | {"ticks": len(path.positions) - 1}
-    pictures, why = _again(mission, report, progress)
+    recorded = Recorded.load(folder)
+    mission, path = recorded.mission, recorded.path
+    # A page reads no NaN.
+    report = json.loads(recorded.told, parse_constant=lambda _: None) if recorded.told else None
+    ticks = len(path.positions) - 1
+    scene = scene_of(mission, path.obstacles, path.goal_x) | {"ticks": ticks}
+    pictures, why = _again(mission, report, ticks, progress)
     return Replay(scene, pictures or recorded_pictures(path, mission), report, None if pictures else why)
 
 
-def _report(folder: RunDir) -> dict[str, Any] | None:
-    _, told = folder.told()
-    report: dict[str, Any] | None = json.loads(told) if told else None
-    return report
-
-
 def _again(
-    mission: Mission, report: dict[str, Any] | None, progress: Callable[[float], None]
+    mission: Mission, report: dict[str, Any] | None, ticks: int, progress: Callable[[float], None]
 ) -> tuple[list[bytes], str]:
     """The pictures of the flight flown again, if it is the same; else none, and why."""
     if report is None:
         return [], "it has no report to be held against"
     if "digest" not in report:
         return [], "it was flown on the air, which nobody flies again"
-    ticks, pictures = int(report["ticks"]), []
+    pictures = []
     try:
         for director in fly_again(mission, report.get("clock", ""), ticks, report["digest"]):
             over = director.clock >= ticks or not director.core.active[0]

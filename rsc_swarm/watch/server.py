@@ -50,13 +50,16 @@ class Shown:
         self._end = end
         self._waiting: set[asyncio.Event] = set()
 
-    def tell_flight(self, hand: bytes) -> bool:
-        """Hand on what a hand wants; False if the flight does not listen."""
-        try:
-            self._end.send(hand)
-        except OSError:
-            return False
-        return not self.over
+    def tell_flight(self, hand: bytes) -> str | None:
+        """Hand on what a hand wants; why not, if the flight cannot hear it."""
+        with suppress(ConnectionError):
+            try:
+                self._end.send(hand or b"null")  # nothing at all would look like the end
+            except BlockingIOError:
+                return "the flight has not come to what was said before; say it again"
+            if not self.over:
+                return None
+        return "the flight does not listen any more"
 
     def take(self) -> None:
         """Take in whatever the flight says now."""
@@ -167,10 +170,8 @@ async def _listen(page: WebSocket, shown: Shown, token: str | None) -> None:
             if not may:
                 may = token is not None and secrets.compare_digest(said, token.encode())
                 await page.send_text(json.dumps({"kind": "you", "hands": may}))
-            elif not shown.tell_flight(said):
-                await page.send_text(
-                    json.dumps({"kind": "refused", "text": "the flight does not listen any more"})
-                )
+            elif why := shown.tell_flight(said):
+                await page.send_text(json.dumps({"kind": "refused", "text": why}))
 
 
 class _Server(uvicorn.Server):

@@ -97,7 +97,7 @@ class Window:
             protocols.mission.document.MissionError: its fault would have no effect. HandError: it cannot have it.
         """
         tick = director.clock
-        if hand.fault:
+        if hand.fault is not None:
             director.core.lay_hand(0, hand.fault)
             told = {
                 "kind": "hand",

@@ -1,8 +1,10 @@
 """A recorded flight as one HTML file. That it looks good is for eyes; that it is whole and true is tested here."""
 
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -146,3 +148,18 @@ def test_what_is_no_recorded_flight_is_refused_in_one_line(tmp_path: Path) -> No
     kept.path.save(folder.trajectory)
     with pytest.raises(RunDirError, match=r"trajectory.npz: is not the flight of the mission beside it$"):
         Recorded.load(folder)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"tau_s": 1e308, "success": True, "failure": None}, {"mission": {"a": 1}}, {"missed_faults": [9]}],
+)
+def test_what_a_report_says_of_the_flight_is_held_against_the_folder(
+    change: dict[str, Any], tmp_path: Path
+) -> None:
+    recorded(tmp_path, Mission(agents=2, fly_s=0.1, obstacles=OPEN))
+    folder = RunDir(tmp_path)
+    folder.report.write_text(json.dumps(json.loads(folder.report.read_text()) | change))
+    kept = Recorded.load(folder)
+    assert kept.final_row == len(kept.path.slots) - 1
+    assert "</html>" in page(kept)

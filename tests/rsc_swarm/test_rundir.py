@@ -152,7 +152,10 @@ def test_a_report_that_is_none_is_named(tmp_path):
     assert folder.told()[0] == Ended(None, "interrupted"), "nobody came to write a report"
     folder.report.write_text('{"tau_s": 1.5, "failure": null, "since": "another version"}')
     assert folder.told()[0] == Ended(1.5, None)
-    for garbage in (b"", b"[]", b"\xff", b"[" * 100_000, b'{"tau_s": "x", "failure": 1e999}'):
+    folder.report.write_text('{"tau_s": null, "failure": "\\u001b[31m"}')
+    assert folder.told()[0].failure == "\\x1b[31m", "a terminal shows it and does not obey"
+    for garbage in (b"", b"[]", b"\xff", b"[" * 100_000, b'{"tau_s": "x", "failure": 1e999}',
+                    b'{"tau_s": NaN, "failure": null}', b'{"tau_s": -1, "failure": null}'):  # fmt: skip
         folder.report.write_bytes(garbage)
         with pytest.raises(RunDirError, match=rf"^{folder.report}: is not the report of a flight$"):
             folder.told()

@@ -49,14 +49,15 @@ def test_what_hands_did_flies_again_bit_for_bit() -> None:
 
 def test_a_hand_that_would_do_nothing_is_refused_in_a_line() -> None:
     onlooker = Handed({10: {"kind": "kill", "agents": [1]}, 20: {"kind": "kill", "agents": [1]}, 30: {"kind": "heal"},
-                       40: {"kind": "freeze", "agents": [9]}, 50: {"kind": "explode"}, 60: {"kind": "loss"}})  # fmt: skip
+                       40: {"kind": "freeze", "agents": [9]}, 50: {"kind": "explode"}, 60: {"kind": "loss"},
+                       70: {}})  # fmt: skip
     flown = fly(MISSION, onlooker=onlooker)
     assert [fault.at_tick for fault in flown.by_hand] == [10]
     refused = [word["text"] for word in onlooker.words if word["kind"] == "refused"]
-    assert len(refused) == 5
+    assert len(refused) == 6
     for text, part in zip(
         refused,
-        ("drone 1 is dead already", "not parted", "no agent or slot 9", "kind", "say which share"),
+        ("drone 1 is dead already", "not parted", "no agent or slot 9", "kind", "say which share", "kind"),
         strict=True,
     ):
         assert part in text

@@ -74,6 +74,41 @@ def test_others_are_shown_as_they_were_recorded(run: RunDir, change: dict[str, s
         assert ((picture.drones[:, 5] > 0) == path.flying[picture.tick]).all()
 
 
+@pytest.mark.parametrize("said", [None, "x", float("inf"), {}])
+def test_how_long_a_flight_was_its_path_says(run: RunDir, said: object) -> None:
+    run.report.write_text(
+        json.dumps(json.loads(run.report.read_text()) | {"ticks": said, "wall_s": float("nan")})
+    )
+    told = replay_of(run)
+    assert told.recorded is None, "it was flown again"
+    assert told.report is not None
+    assert told.report["wall_s"] is None, "a page reads no NaN"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"goal_x": np.float64("inf")},
+        {"tick_s": np.float64(0)},
+        {"obstacles": np.full((1, 3), np.nan)},
+        "slots",
+        "no rows",
+    ],
+)
+def test_what_is_no_path_is_no_flight_to_be_shown(run: RunDir, change: dict[str, object] | str) -> None:
+    with np.load(run.trajectory) as kept:
+        path = dict(kept)
+    if change == "slots":
+        path["slots"][3] = 99
+    elif change == "no rows":
+        path |= {name: path[name][:0] for name in ("positions", "velocities", "slots", "flying")}
+    else:
+        path |= change
+    np.savez(run.trajectory, **path)
+    with pytest.raises(RunDirError, match=r"trajectory.npz: is not the flight of the mission beside it$"):
+        replay_of(run)
+
+
 def test_a_folder_without_a_flight_is_said_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(RunDirError, match="no flight recorded here"):
         replay_of(RunDir(tmp_path))

@@ -22,6 +22,7 @@ pytest.importorskip("starlette", reason="the page needs the extra 'view'")
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from rsc_swarm.watch.server import Shown
 from rsc_swarm.watch.site import Asked, Site, ViewError, served
 
 MISSION = Mission(
@@ -235,3 +236,16 @@ def test_what_nobody_should_say_to_a_page_harms_no_other(site):
     with connect(at(site, "live", "ws")) as page:
         site.window.say({"kind": "hello"})
         assert json.loads(page.recv(20)) == {"kind": "hello"}
+
+
+def test_a_hand_is_refused_for_what_keeps_the_flight_from_it():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    theirs.setblocking(False)
+    shown = Shown(theirs)
+    with theirs:
+        with ours:
+            assert shown.tell_flight(b"") is None
+            assert ours.recv(10) == b"null", "nothing said is no end of all that is said"
+            said = [shown.tell_flight(b"{}" * 1000) for _ in range(10_000)]
+            assert {*said} == {None, "the flight has not come to what was said before; say it again"}
+        assert shown.tell_flight(b"{}") == "the flight does not listen any more"
