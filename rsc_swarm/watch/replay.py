@@ -7,6 +7,7 @@ Whether it was the same flight, its digest says. Of others there is where the dr
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -44,12 +45,18 @@ def replay_of(folder: RunDir, progress: Callable[[float], None] = lambda share: 
     """
     recorded = Recorded.load(folder)
     mission, path = recorded.mission, recorded.path
-    # A page reads no NaN.
-    report = json.loads(recorded.told, parse_constant=lambda _: None) if recorded.told else None
+    told = recorded.told
+    report = json.loads(told, parse_float=_finite, parse_constant=_finite) if told else None
     ticks = len(path.positions) - 1
     scene = scene_of(mission, path.obstacles, path.goal_x) | {"ticks": ticks}
     pictures, why = _again(mission, report, ticks, progress)
     return Replay(scene, pictures or recorded_pictures(path, mission), report, None if pictures else why)
+
+
+def _finite(text: str) -> float | None:
+    """A number as a page can read it: its JSON knows no others."""
+    number = float(text)
+    return number if isfinite(number) else None
 
 
 def _again(

@@ -52,7 +52,7 @@ class Shown:
 
     def tell_flight(self, hand: bytes) -> str | None:
         """Hand on what a hand wants; why not, if the flight cannot hear it."""
-        with suppress(ConnectionError):
+        with suppress(OSError):
             try:
                 self._end.send(hand or b"null")  # nothing at all would look like the end
             except BlockingIOError:
