@@ -82,7 +82,9 @@ def test_how_long_a_flight_was_its_path_says(run: RunDir, said: object) -> None:
     told = replay_of(run)
     assert told.recorded is None, "it was flown again"
     assert told.report is not None
-    assert (told.report["wall_s"], told.report["first_tick_s"]) == (None, None), "a page reads no such numbers"
+    assert (told.report["wall_s"], told.report["first_tick_s"]) == (None, None), (
+        "a page reads no such numbers"
+    )
 
 
 @pytest.mark.parametrize(
