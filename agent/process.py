@@ -7,7 +7,7 @@ import numpy as np
 from agent.body.relayed import Ending, Link, RelayedWorld, WorldClock
 from agent.core import AgentCore, Inputs
 from agent.ports import Body, Clock, Radio
-from agent.quick_ticks import QuickTicks
+from agent.quick_ticks import QuickTicks, account_of
 from agent.radio.air import Air
 from agent.radio.hearing import Hearing
 from agent.slot_endpoints import SealsOf
@@ -87,7 +87,7 @@ class Drone:
 
     def answer_quickly(self, world: RelayedWorld) -> Callable[[bytes], bytes | None]:
         """What answers Ticks of a relayed world in one compiled call, wherever nothing rare happens (agent.quick)."""
-        self._quick = QuickTicks(self._core, self._hearing, world, self.status)
+        self._quick = QuickTicks(self._core, self._hearing, world)
         return self._quick.answer
 
     def tell_plans(self, world: RelayedWorld) -> None:
@@ -104,7 +104,7 @@ class Drone:
 
     def status(self) -> AgentStatus:
         """The drone's account of itself."""
-        return self._core.status(0, self.tick, tuple(self.rejected.values()))
+        return account_of(self._core, self._hearing, self.tick)
 
 
 def rehearse(mission: Mission) -> None:

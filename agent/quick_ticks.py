@@ -17,17 +17,19 @@ from protocols.wire.rows import as_bytes
 from protocols.wire.status import AgentStatus, is_due
 
 
+def account_of(core: AgentCore, hearing: Hearing, tick: int) -> AgentStatus:
+    """The account of itself that a drone of one gives after this tick."""
+    return core.status(0, tick, tuple(hearing.rejected.values()))
+
+
 class QuickTicks:
     """Ticks of one drone in a relayed world, answered in one call.
 
     plan_of: what was planned at a tick, packed, for those who look on; None where nobody does.
     """
 
-    def __init__(
-        self, core: AgentCore, hearing: Hearing, world: RelayedWorld, status: Callable[[], AgentStatus]
-    ) -> None:
-        """``status``: the drone's account of itself."""
-        self._core, self._hearing, self._world, self._status = core, hearing, world, status
+    def __init__(self, core: AgentCore, hearing: Hearing, world: RelayedWorld) -> None:
+        self._core, self._hearing, self._world = core, hearing, world
         self._last, self._size = np.full(1, -1), np.zeros(1, np.int64)
         self._answer = np.zeros(MAX_FROM_DRONE, np.uint8)
         self._answer_bytes, self._last_tick, self._asked = self._answer.data, self._last.data, self._size.data
@@ -73,7 +75,7 @@ class QuickTicks:
             return None
         tick, status, reply = self._last_tick[0], None, self._answer_bytes[:size].tobytes()
         if is_due(tick, changed=False):
-            status = self._status()
+            status = account_of(self._core, self._hearing, tick)
             reply = with_account(reply, status)
         if self.plan_of and (plan := self.plan_of(tick)):
             reply = with_plan(reply, plan)

@@ -248,7 +248,7 @@ TARGETS = {
         (RunDirError,),
         seed_files.reports,
         mutate.json_changed,
-        (RunDir.ended,),
+        (RunDir.told,),
     ),
     "recording": Target(
         readers.in_file("trajectory.npz", readers.read_recording),
