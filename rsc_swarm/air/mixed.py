@@ -14,10 +14,10 @@ from agent.air.reach import reach_of
 from protocols.dynamics import TICKS_PER_S
 from protocols.fleet.plan import Plan
 from protocols.mission.document import Mission, MissionError, parse_mission
-from protocols.wire.beacon import BeaconError, record_of, unpack_beacon
+from protocols.wire.beacon import record_of, unpack_beacon
 from protocols.wire.heard import pack_heard
-from protocols.wire.nature import Nature, NatureError, pack_nature, to_drone, unpack_status
-from protocols.wire.operator import OperatorError, Order, unpack_word
+from protocols.wire.nature import Nature, pack_nature, to_drone, unpack_status
+from protocols.wire.operator import Order, unpack_word
 from world.core import WorldCore
 from world.director import Director
 from world.external import Carried, ExternalSwarm
@@ -92,7 +92,7 @@ class MixedWorld:
                     self._poses.hear(beacon, b"", said.at_us, now)
             elif said.kind == "status" and self._going_on:
                 self._swarm.tells(drone, unpack_status(said.data, self._agents))
-        except (BeaconError, NatureError, OperatorError, ValueError):
+        except ValueError:  # a word, a beacon or an account that cannot be read: all say so
             return
 
     @property

@@ -15,7 +15,7 @@ from agent.observation import WIDE_SIZE
 from agent.relay import COUNTED
 from agent.rules import rules_of, shape_of
 from agent.tick_arrays import TickArrays, empty_views, empty_work
-from protocols.dynamics import TICK_S
+from protocols.dynamics import TICK_S, ticks_of
 from protocols.kernels import by_reference
 from protocols.mission.document import Mission, MissionError
 from protocols.wire.frames import OBSERVATION_SIZE, empty_frames
@@ -121,7 +121,7 @@ class Batch:
                 edge_tolerance=mission.edge_tolerance,
                 collision_m=mission.limits.collision_m,
                 last_tick=mission.ticks,
-                cooldown_ticks=round(mission.swap.cooldown_s / TICK_S),
+                cooldown_ticks=ticks_of(mission.swap.cooldown_s),
                 ends=ends,
                 hears=listening,
                 both_rest=mission.swap.protocol == "agreed",

@@ -118,9 +118,8 @@ def fly_all(missions: Sequence[Mission], both: bool = False) -> list[Flight]:
     for places in by_radio.values():
         bunches = -(-len(places) // flights_at_once(missions[places[0]]))
         for first in range(bunches):
-            together = places[
-                first::bunches
-            ]  # bunches of a size: a small one takes nearly as long as a large one
+            # Bunches of a size: a small one takes nearly as long as a large one.
+            together = places[first::bunches]
             for said in fly_together([missions[place] for place in together], both):
                 if not isinstance(said, int):
                     flights[together[said[0]]] = said[1]

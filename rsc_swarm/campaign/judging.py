@@ -23,9 +23,8 @@ from rsc_swarm.study.workers import Flight
 from world.field import draw_slots
 
 _BRAKING_S = 1.0  # from top speed, with a share of the acceleration that is kept for it
-_SETTLING_S = (
-    2.0  # for all to come to one view, besides the time after which a drone unheard is taken for dead
-)
+# For all to come to one view, besides the time after which a drone unheard is taken for dead.
+_SETTLING_S = 2.0
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Missions that broke something, kept as files: a regression suite that anybody can fly."""
 
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,6 +52,11 @@ class Flown:
             return f"{name}: keeps all" + (f" (it broke: {before})" if before else "")
         as_kept = ", as kept bit for bit" if self.digest == self.kept.digest else ""
         return f"{name}: {self.broken.name}{as_kept}: {self.broken.detail}"
+
+
+def replay_command(path: Path) -> str:
+    """What to type to fly the mission kept as this file again, in processes."""
+    return shlex.join(["rsc-swarm", "campaign", "--replay", str(path)])
 
 
 def keep(failure: Failure, folder: Path) -> Path:

@@ -1,6 +1,5 @@
 """The report of a campaign: one page, one line a failure, with the command that replays it."""
 
-import shlex
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -9,6 +8,7 @@ from string import Template
 from protocols.whole_file import write_whole
 from rsc_swarm.campaign.campaign import groups
 from rsc_swarm.campaign.flying import Failure, Plan, Tally
+from rsc_swarm.campaign.kept import replay_command
 from rsc_swarm.flight.provenance import commit
 from rsc_swarm.study.intervals import failure_bound
 
@@ -88,5 +88,5 @@ def _row(failure: Failure, place: Path, folder: Path) -> str:
     return (
         f"<tr><td>{mission.map_seed}, {mission.seed}<td>{count}<td>{escape(failure.broken.detail)}<td>{told}"
         f'<td><a href="{escape(link)}">{escape(place.name)}</a>'
-        f"<td><code>{escape(shlex.join(['rsc-swarm', 'campaign', '--replay', str(place)]))}</code></tr>"
+        f"<td><code>{escape(replay_command(place))}</code></tr>"
     )

@@ -1,6 +1,5 @@
 """``rsc-swarm campaign``: random faults within a budget, and what they break."""
 
-import shlex
 import sys
 import time
 from contextlib import closing
@@ -128,7 +127,7 @@ def _tell(plan: "Plan", tally: "Tally", folder: Path, again: str, seconds: float
     """Keep what broke, tell the story of each flight that was made short, and say so."""
     from rsc_swarm.api import simulate, write_report
     from rsc_swarm.campaign.campaign import groups
-    from rsc_swarm.campaign.kept import keep
+    from rsc_swarm.campaign.kept import keep, replay_command
     from rsc_swarm.campaign.page import write_index
     from rsc_swarm.study.intervals import failure_bound
 
@@ -155,7 +154,7 @@ def _tell(plan: "Plan", tally: "Tally", folder: Path, again: str, seconds: float
             f"\n{group.name}: {len(group.failures)}, the shortest with {len(shortest.mission.faults)} faults"
         )
         print(f"  {shortest.broken.detail}")
-        print("  " + shlex.join(["rsc-swarm", "campaign", "--replay", str(places[shortest.digest])]))
+        print(f"  {replay_command(places[shortest.digest])}")
     print(f"\n{index}")
     return ExitCode.FAILED if tally.failures else ExitCode.SUCCEEDED
 

@@ -7,7 +7,7 @@ from protocols.mission.document import Mission
 from rsc_swarm.api import simulate, write_report
 from rsc_swarm.campaign.flying import Failure, fly_all
 from rsc_swarm.campaign.judging import Broken, judge
-from rsc_swarm.campaign.kept import keep
+from rsc_swarm.campaign.kept import keep, replay_command
 from rsc_swarm.given import a_mission
 from rsc_swarm.study.workers import Flight
 
@@ -27,13 +27,12 @@ class Broke(AssertionError):
             )
             for fault in mission.faults
         ]  # fmt: skip
-        file = shlex.quote(str(path))
         lines = [
             f"{failure.broken.name}: {failure.broken.detail}",
             f"{mission.agents} drones, policy {mission.policy}, map {mission.map_seed}, seed {mission.seed}",
             *(faults or ["  nothing went wrong"]),
-            f"Fly it again:  rsc-swarm simulate --mission {file}",
-            f"In processes:  rsc-swarm campaign --replay {file}",
+            f"Fly it again:  rsc-swarm simulate --mission {shlex.quote(str(path))}",
+            f"In processes:  {replay_command(path)}",
         ]
         super().__init__("\n".join(lines))
 

@@ -106,10 +106,8 @@ def test_a_mission_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     assert complaint(b"agents: [1\nname: x").startswith("is not valid YAML at line 2")
     assert complaint(b"\xff\xfe\x00").startswith("is not UTF-8 text")
     assert complaint(b"agents: 4\n" * 100_000) == "cannot be read (it is longer than 64 KiB)"
-    for umlauts in (
-        MAX_BYTES // 2,
-        MAX_BYTES // 2 + 1,
-    ):  # fewer letters than bytes, cut between two and within one
+    # Fewer letters than bytes, cut between two and within one.
+    for umlauts in (MAX_BYTES // 2, MAX_BYTES // 2 + 1):
         long = f"agents: 4\n#{'ü' * umlauts}\nseed: 3\n".encode()
         assert complaint(long) == "cannot be read (it is longer than 64 KiB)", "the rest of it was left out"
         assert complaint(b"#" + long) == "cannot be read (it is longer than 64 KiB)"

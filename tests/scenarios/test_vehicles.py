@@ -19,9 +19,8 @@ from tests.scenarios.vehicles import KINDS, Vehicles
 OFF_THE_GROUND_M = 0.1
 # Of the ticks: on a machine that cannot keep up all still land safely, but perhaps not in formation.
 MOST_MISSED = 0.01
-SLOT_ERROR_M = (
-    0.2  # 0.07 to 0.16 were seen: the processes of all drones, their fakes and two hosts share two cores
-)
+# 0.07 to 0.16 were seen: the processes of all drones, their fakes and two hosts share two cores.
+SLOT_ERROR_M = 0.2
 # All processes of this test have to wait for their turns on a busy machine; how fast a guard is, tests of its own say.
 PATIENCE = {
     "position_hold_s": 1.0,
