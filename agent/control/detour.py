@@ -21,10 +21,12 @@ from protocols.wire.sensed import Sensed
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
 _FAR_M = 2.0  # nearer to the slot is arriving
+_STANDING_MPS = 0.1  # more slowly nothing moves on
 # Kept from surfaces on the way around, beyond what the safety filter keeps: room to fly in, also for a drone that can do less
 # than it believes. Where there is no such way, hardly more than nothing, so that the way in is a way out.
 _WIDE_M, _TIGHT_M = 0.2, 0.02
 _CORNERS = 16  # of the polygon around a disc
+_EXITS_M = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)  # along a disc, from where one is close to it
 _PLAN_TICKS = 10  # from plan to plan; where the obstacles are hardly changes
 _REACHED_M = 0.6  # nearer to a corner the next one is looked for
 _HOME_M = 4.0  # from here on, with nothing in the way, a drone is left to itself again
@@ -53,15 +55,16 @@ def _is_free(
     rel: NDArray[np.float64],
     radius: NDArray[np.float64],
     margin: float,
+    leeway: float,
 ) -> bool:
     """Whether one can fly straight from point a to point b. A disc whose margin holds the start or the goal is passed no nearer
-    than that is."""
+    than that is, up to ``leeway`` [m]."""
     for i in range(m):
         grown = radius[i] + margin
         for end in range(_GOAL + 1):
             if end != a and end != b:
                 continue
-            grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - 1e-3)
+            grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - leeway)
         if grown > 0.0 and _touches(
             point[a, 0], point[a, 1], point[b, 0], point[b, 1], rel[i, 0], rel[i, 1], grown
         ):
@@ -69,19 +72,66 @@ def _is_free(
     return True
 
 
+@inlined_kernel
+def _is_clear(
+    x: float, y: float, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64], margin: float
+) -> bool:
+    """Whether a point lies in no disc's margin."""
+    inside = False
+    for i in range(m):
+        inside |= math.hypot(x - rel[i, 0], y - rel[i, 1]) < radius[i] + margin
+    return not inside
+
+
+@inlined_kernel
+def _add_exits(
+    count: int,
+    point: NDArray[np.float64],
+    m: int,
+    rel: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    margin: float,
+) -> int:
+    """Add points by which one leaves the discs around the start, or comes to the goal between discs; returns how many there are.
+
+    From between discs leads a cone of directions in which one comes nearer to none of them, often too narrow to meet a corner.
+    Each of its edges is at right angles to the direction of a disc.
+    """
+    for end in range(_GOAL + 1):
+        for i in range(m):
+            away_x, away_y = point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]
+            centre = max(math.hypot(away_x, away_y), 1e-9)
+            if centre > radius[i] + margin + _WIDE_M:
+                continue
+            for exit_m in _EXITS_M:
+                x, y = point[end, 0] - exit_m * away_y / centre, point[end, 1] + exit_m * away_x / centre
+                if _is_clear(x, y, m, rel, radius, margin):
+                    point[count, 0], point[count, 1] = x, y
+                    count += 1
+    return count
+
+
 @allocating_kernel
 def next_corner(
-    goal_x: float, goal_y: float, m: int, rel: NDArray[np.float64], radius: NDArray[np.float64], margin: float
+    goal_x: float,
+    goal_y: float,
+    m: int,
+    rel: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    margin: float,
+    exits: bool,
 ) -> tuple[int, float, float]:
     """The first corner of the shortest way to the goal, all relative to me [m]: (corners on the way, x, y).
 
     ``rel`` (M, 2): centres [m], ``radius`` (M,) [m] of the first ``m`` obstacles, whose surfaces are passed at ``margin`` [m].
+    With ``exits``, ways are tried as well that only lead out of the margins around me, or into those around the goal.
     0 corners: the straight way is free, and (x, y) is the goal; -1: there is no way.
     """
-    point = np.empty((2 + m * _CORNERS, 2))
+    point = np.empty((2 + m * (_CORNERS + 2 * len(_EXITS_M)), 2))
     point[_START, 0], point[_START, 1] = 0.0, 0.0
     point[_GOAL, 0], point[_GOAL, 1] = goal_x, goal_y
-    if _is_free(_START, _GOAL, point, m, rel, radius, margin):
+    leeway = 1e-6 if exits else 1e-3
+    if _is_free(_START, _GOAL, point, m, rel, radius, margin, leeway):
         return 0, goal_x, goal_y
     count = 2
     for i in range(m):
@@ -89,12 +139,11 @@ def next_corner(
         for corner in range(_CORNERS):
             angle = 2.0 * math.pi * corner / _CORNERS
             x, y = rel[i, 0] + outer * math.cos(angle), rel[i, 1] + outer * math.sin(angle)
-            inside = False
-            for j in range(m):
-                inside |= math.hypot(x - rel[j, 0], y - rel[j, 1]) < radius[j] + margin
-            if not inside:
+            if _is_clear(x, y, m, rel, radius, margin):
                 point[count, 0], point[count, 1] = x, y
                 count += 1
+    if exits:
+        count = _add_exits(count, point, m, rel, radius, margin)
     way, before, closed = np.empty(count), np.empty(count, np.int64), np.empty(count, np.bool_)
     for i in range(count):
         way[i], before[i], closed[i] = math.inf, 0, False
@@ -114,7 +163,7 @@ def next_corner(
         for i in range(count):
             if not closed[i]:
                 length = way[here] + math.hypot(point[i, 0] - point[here, 0], point[i, 1] - point[here, 1])
-                if length < way[i] and _is_free(here, i, point, m, rel, radius, margin):
+                if length < way[i] and _is_free(here, i, point, m, rel, radius, margin, leeway):
                     way[i], before[i] = length, here
     corners, first = 0, _GOAL
     while before[first] != _START:
@@ -144,9 +193,12 @@ def leave_pocket(
     if on_detour % _PLAN_TICKS == 0 or (way[2] > 0.0 and x * x + y * y < _REACHED_M * _REACHED_M):
         m, rel, radius = memory.disc_count[row], memory.obstacle_rel[row], memory.obstacle_radius[row]
         kept = rules.limits.obstacle_clearance
-        corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _WIDE_M)
+        corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _WIDE_M, False)
         if corners < 0:
-            corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _TIGHT_M)
+            corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _TIGHT_M, False)
+        stands = v_x * v_x + v_y * v_y < _STANDING_MPS * _STANDING_MPS
+        if corners < 0 or (corners == 0 and stands):
+            corners, x, y = next_corner(error[0], error[1], m, rel, radius, kept + _TIGHT_M, True)
         way[0], way[1], way[2] = p_x + x, p_y + y, corners
     if way[2] < 0.0 or (way[2] == 0.0 and (far < _HOME_M or on_detour == 0)):
         memory.stalled[row] = 0

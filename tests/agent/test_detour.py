@@ -20,10 +20,12 @@ CUP = [
 ]  # open to the left
 
 
-def way(goal: tuple[float, float], *discs: tuple[float, float, float]) -> tuple[int, float, float]:
+def way(
+    goal: tuple[float, float], *discs: tuple[float, float, float], exits: bool = False
+) -> tuple[int, float, float]:
     """The next corner of the way from (0, 0), 0.62 m from all surfaces."""
     table = np.array(discs, float).reshape(-1, 3)
-    return next_corner(*goal, len(table), table[:, :2].copy(), table[:, 2].copy(), 0.62)
+    return next_corner(*goal, len(table), table[:, :2].copy(), table[:, 2].copy(), 0.62, exits)
 
 
 def stopped(*discs: tuple[float, float, float]) -> Memory:
@@ -86,6 +88,26 @@ def test_there_is_no_way_out_of_a_ring() -> None:
     assert way((12.0, 0.0), *ring)[0] == -1
 
 
+@pytest.mark.parametrize("gap", [1.17, 1.19, 1.21, 1.23])
+@pytest.mark.parametrize("before", [0.01, 0.1, 0.2, 0.4])
+@pytest.mark.parametrize("radii", [(1.8, 1.91), (1.65, 1.96), (1.0, 2.0), (1.0, 1.0)])
+def test_who_is_stopped_in_a_gap_too_narrow_finds_the_way_back_out(
+    gap: float, before: float, radii: tuple[float, float]
+) -> None:
+    upper, lower = radii
+    neck = [(before, upper + gap / 2, upper), (before, -lower - gap / 2, lower)]
+    corners, x, y = way((12.0, 0.0), *neck, exits=True)
+    assert corners >= 1
+    assert x < 0.0, "back, as ahead one would come too near to both"
+    there = [(cx - x, cy - y, radius) for cx, cy, radius in neck]
+    assert way((12.0 - x, -y), *there)[0] >= 1, "and from there around"
+
+
+def test_out_of_a_ring_there_are_no_exits_either() -> None:
+    ring = [(1.65 * math.cos(k * math.pi / 3), 1.65 * math.sin(k * math.pi / 3), 1.0) for k in range(6)]
+    assert way((12.0, 0.0), *ring, exits=True)[0] == -1
+
+
 def test_a_slot_inside_an_obstacle_can_be_flown_to_as_far_as_that_goes() -> None:
     assert way((5.0, 0.0), (5.0, 0.5, 1.5))[0] == 0
 
@@ -100,6 +122,14 @@ def test_a_narrow_gap_is_flown_only_where_there_is_no_wider_one() -> None:
     ]  # the same gap, and no other
     ahead, _ = led(stopped(*ring), (10.0, 4.0))
     assert ahead > 1.0, "through the gap"
+
+
+@pytest.mark.parametrize("before", [0.01, 0.05, 0.2])
+def test_who_stands_in_a_gap_too_narrow_flies_back(before: float) -> None:
+    neck = [(before, 1.8 + 0.595, 1.8), (before, -1.9 - 0.595, 1.9)]
+    ahead, aside = led(stopped(*neck), (12.0, 0.0))
+    assert ahead < -1.0
+    assert abs(aside) < -ahead
 
 
 def test_only_who_gets_no_nearer_for_a_while_leaves_its_own_plan() -> None:
@@ -133,6 +163,13 @@ def test_the_way_home_is_flown_faster_than_the_slot_moves() -> None:
     for _ in range(20):
         _, up = led(memory, (0.0, 12.0), target_mps=9.0, speed=(0.0, 9.0))
     assert up > 1.0
+
+
+@pytest.mark.parametrize("gap", [1.15, 1.17, 1.19, 1.21])
+def test_a_drone_that_flew_into_a_gap_too_narrow_comes_out_of_it(gap: float) -> None:
+    discs = [[12.0, 1.8 + gap / 2, 1.8], [12.1, -1.9 - gap / 2, 1.9]]
+    fields = {"agents": 1, "policy": "cruise", "start": {"radius_m": 0}, "obstacles": {"discs": discs}}
+    assert simulate([parse_mission(fields)])[0].failure is None
 
 
 @pytest.mark.parametrize("detour", [True, False])
