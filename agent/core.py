@@ -31,7 +31,7 @@ from protocols.kernels import by_reference
 from protocols.mission.document import Mission
 from protocols.slots.seals import Stamps
 from protocols.slots.written import pack_slots
-from protocols.wire.planned import pack_plan
+from protocols.wire.planned import Planned, pack_plan
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
 
@@ -175,8 +175,11 @@ class AgentCore:
 
     def plan_of(self, tick: int) -> bytes:
         """What the one row there is planned at this tick, as it travels (protocols.wire.planned); empty if it planned nothing."""
-        planned = self.policy.planned(0, tick) if isinstance(self.policy, Compiled) else None
-        return pack_plan(planned) if planned else b""
+        policy = self.policy
+        if not isinstance(policy, Compiled) or policy.made_at is None or policy.made_at[0] != tick:
+            return b""
+        plans = policy.plans(tick)
+        return b"" if plans is None else pack_plan(Planned(policy.shown_after, plans[0]))
 
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""

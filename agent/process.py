@@ -111,6 +111,7 @@ def rehearse(mission: Mission) -> None:
     """Load (or on the very first run compile) every kernel a drone needs, so that its first tick is not late."""
     world = RelayedWorld(0)
     drone = Drone(mission, 0, bytes(range(mission.agents)), 0, world, world, rehearsal=True)
+    drone.tell_plans(world)
     quick, sensed = drone.answer_quickly(world), SensedPacker(empty_sensed(1)).pack(0)
     for tick in range(3):
         heard = [b"no frame"] if tick == 0 else []  # to load what hears, too

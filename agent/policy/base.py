@@ -10,7 +10,6 @@ from agent.memory import Memory
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.errors import ExitCode, SwarmError
-from protocols.wire.planned import Planned
 
 
 class PolicyError(SwarmError, ValueError):
@@ -101,10 +100,14 @@ class Compiled:
     """A policy whose ``act`` is compiled code, which works on the drones' own arrays: the way that costs least.
 
     rounds: of aggregation over the air that it asks for (agent.relay).
+    made_at: (A,) tick at which each row planned last, from the first tick on the same array; None if no plan outlasts its tick.
+    shown_after: (P,) ticks after that, which `plans` shows.
     """
 
     many_flights = True
     rounds = 0
+    made_at: NDArray[np.int64] | None = None
+    shown_after: NDArray[np.int64]
 
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
         """Write the accelerations (A, 2) m/s^2 of the awake rows into ``wanted``, the same array every time."""
@@ -118,10 +121,6 @@ class Compiled:
     def plans(self, tick: int) -> NDArray[np.float32] | None:
         """Where each row plans to be, (A, P, 2) m, NaN for what lies behind it as this tick begins, and where it has planned
         nothing; None if it plans nothing ever. For those who look on; no drone asks for it."""
-        return None
-
-    def planned(self, row: int, tick: int) -> Planned | None:
-        """What row ``row`` planned at this tick, for those who look on; None if it planned nothing that lasts."""
         return None
 
     def act(self, seen: Seen) -> NDArray[np.float64]:

@@ -21,16 +21,16 @@ from agent.policy.learned_kernel import (
     empty_plans,
     empty_question,
     fly_quickly,
+    show_plans,
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, note_of, read_model
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
-from protocols.dynamics import TICK_S
-from protocols.kernels import bound, by_reference
+from protocols.kernels import bound, by_reference, rebound
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
-from protocols.wire.planned import SHOWN, Planned
+from protocols.wire.planned import SHOWN
 
 _OUTPUTS = ["displacement", "acceleration"]
 _ROWS = 32  # asked in one call; more would no longer fit the processor's caches
@@ -62,10 +62,11 @@ class Learned(Compiled):
         ):  # raw plans hold no accelerations to follow; an action is carried out as it is
             following = following._replace(required=facts.output == "raw")
         self._following = following
-        self._shown_after = np.ceil(np.linspace(0, facts.horizon, SHOWN + 1)).astype(np.int64)[1:]
+        self.shown_after = np.ceil(np.linspace(0, facts.horizon, SHOWN + 1)).astype(np.int64)[1:]
         self._inputs = [name for name in facts.shapes if name not in _OUTPUTS]
         self.rounds = facts.rounds
         self._session: Any = None
+        self._show, self._now = rebound(show_plans), np.zeros(1, np.int64)
         self._make_room(np.zeros((0, 2)))
 
     def _make_room(self, wanted: NDArray[np.float64]) -> None:
@@ -74,6 +75,8 @@ class Learned(Compiled):
         self._history = empty_history(rows, facts.past, neighbours)
         self._question = empty_question(rows, facts.past, neighbours, facts.rounds)
         self._plans = empty_plans(rows, facts.horizon)
+        self.made_at = self._plans.made_at if facts.horizon > 1 else None
+        self._shown = np.zeros((rows, SHOWN, 2), np.float32)
         self._wanted = wanted
         self._planner = by_reference(
             Planner(self._replan, self._following, self._history, self._question, self._plans, self._wanted)
@@ -131,22 +134,9 @@ class Learned(Compiled):
 
     def plans(self, tick: int) -> NDArray[np.float32]:
         """As the base class: at P = `SHOWN` moments, evenly over what was planned last."""
-        made_at = self._plans.made_at[:, None]
-        ahead = (made_at + self._shown_after > tick) & (made_at != NEVER)
-        return np.where(ahead[:, :, None], self._places(slice(None)), np.float32(np.nan))
-
-    def planned(self, row: int, tick: int) -> Planned | None:
-        """As the base class; what is over with the tick itself is not worth telling."""
-        if self._plans.made_at[row] != tick or self._shown_after[-1] < 2:
-            return None
-        return Planned(self._shown_after.astype(np.uint16), self._places(slice(row, row + 1))[0])
-
-    def _places(self, rows: slice) -> NDArray[np.float32]:
-        """Where these rows planned last to be after ``_shown_after`` ticks: (R, SHOWN, 2) m."""
-        plans, after = self._plans, self._shown_after
-        drift = plans.start[rows, None, 2:] * (TICK_S * after)[:, None]
-        places = plans.start[rows, None, :2] + drift + plans.displacement[rows][:, after - 1]
-        return places.astype(np.float32)
+        self._now[0] = tick
+        self._show(self._now, self.shown_after, self._plans, self._shown)
+        return self._shown.copy()
 
     def forget(self, row: int) -> None:
         """Row ``row`` knows nothing any more: neither what it saw nor what it planned."""

@@ -1,5 +1,6 @@
 """The compiled parts of a learned policy: what it remembers, what its model is given, and flying its plans."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from agent.observation import WIDE_SIZE, aim_of, compressed, observe_wide_row
 from agent.quick import RARE, Quick, begin_tick, end_tick, tick_of
 from agent.relay import tells
 from agent.tick_arrays import Rules, TickArrays, Work
-from protocols.dynamics import vector
+from protocols.dynamics import TICK_S, vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
@@ -249,6 +250,24 @@ def take_plans(
             for axis in range(2):
                 plans.displacement[row, step, axis] = displacement[place, step, axis]
                 plans.acceleration[row, step, axis] = acceleration[place, step, axis]
+
+
+@kernel
+def show_plans(
+    now: NDArray[np.int64], after: NDArray[np.int64], plans: Plans, shown: NDArray[np.float32]
+) -> None:
+    """Where each row plans to be so many ticks ``after`` (P,) it planned: ``shown`` (A, P, 2) m, NaN for what lies behind it as
+    tick ``now`` (1,) begins, and where it has planned nothing."""
+    for row in range(shown.shape[0]):
+        made_at = plans.made_at[row]
+        for moment in range(after.shape[0]):
+            ahead = made_at != NEVER and made_at + after[moment] > now[0]
+            for axis in range(2):
+                place = math.nan
+                if ahead:
+                    drift = plans.start[row, 2 + axis] * (TICK_S * after[moment])
+                    place = plans.start[row, axis] + drift + plans.displacement[row, after[moment] - 1, axis]
+                shown[row, moment, axis] = place
 
 
 @kernel

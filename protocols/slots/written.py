@@ -3,6 +3,9 @@
 import struct
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 _ONE_BYTE = 256  # drones, at most
 
 
@@ -21,3 +24,9 @@ def unpack_slots(data: object, agents: int) -> tuple[int, ...]:
     if not isinstance(data, bytes) or len(data) != width * agents:
         raise ValueError(f"an assignment of {agents} slots has {width * agents} bytes")
     return tuple(data) if width == 1 else struct.unpack(f"<{agents}H", data)
+
+
+def unpack_all(packed: Sequence[bytes], agents: int) -> NDArray[np.int16]:
+    """K assignments of so many agents each that `pack_slots` wrote, (K, N)."""
+    rows = np.frombuffer(b"".join(packed), "u1" if agents <= _ONE_BYTE else "<u2")
+    return rows.reshape(len(packed), agents).astype(np.int16)

@@ -1,9 +1,9 @@
 """What a drone plans, as it tells those who look on: a few points of its way. Nothing that flies depends on it.
 
-A plan that lies is drawn at worst where its own drone could be (`is_near`).
+A plan that lies is drawn at worst where its own drone could be (`are_near`).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,28 +18,29 @@ _BESIDE_M = 1.0
 
 
 class Planned(NamedTuple):
-    """after: (SHOWN,) ticks after it was planned. place: (SHOWN, 2) m, where the drone is to be then, in the common frame."""
+    """K plans, or one where K is left out. after: (K, SHOWN) ticks after it was planned. place: (K, SHOWN, 2) m, where the drone
+    is to be then, in the common frame."""
 
-    after: NDArray[np.uint16]
+    after: NDArray[np.integer[Any]]
     place: NDArray[np.float32]
 
 
 def pack_plan(planned: Planned) -> bytes:
     """A plan as it travels."""
-    row = np.zeros(1, _LAYOUT)
-    row["after"][0], row["place"][0] = planned
-    return row.tobytes()
+    return planned.after.astype("<u2").tobytes() + planned.place.astype("<f4").tobytes()
 
 
-def unpack_plan(data: bytes) -> Planned:
-    """What `pack_plan` made, of `PLAN_BYTES`."""
-    row = np.frombuffer(data, _LAYOUT)
-    return Planned(row["after"][0], row["place"][0])
+def unpack_plans(data: bytes) -> Planned:
+    """K times what `pack_plan` made, of `PLAN_BYTES` each."""
+    rows = np.frombuffer(data, _LAYOUT)
+    return Planned(rows["after"], rows["place"])
 
 
-def is_near(planned: Planned, position: NDArray[np.float64], speed_mps: float) -> bool:
-    """Whether these are places for a drone that is at ``position`` (2,) m and flies at most that fast: no farther than it is
-    then at twice its speed, and a metre."""
-    far_m = np.linalg.norm(planned.place - position, axis=1)
-    near = far_m <= 2 * speed_mps * TICK_S * planned.after + _BESIDE_M
-    return bool((near & (planned.after <= LONGEST)).all())
+def are_near(
+    planned: Planned, age: NDArray[np.int64], position: NDArray[np.float64], speed_mps: float
+) -> NDArray[np.bool_]:
+    """Which of K plans, made ``age`` (K,) ticks ago, are of places for drones that are at ``position`` (K, 2) m now and fly at
+    most that fast: no farther than they have come since then, and come till then, at twice their speed, and a metre."""
+    far_m = np.linalg.norm(planned.place - position[:, None], axis=2)
+    near = far_m <= 2 * speed_mps * TICK_S * (planned.after + age[:, None]) + _BESIDE_M
+    return np.asarray((near & (planned.after <= LONGEST)).all(axis=1))

@@ -1,5 +1,6 @@
 """What a drone reports about itself to whoever runs the flight: for the view, the report and the invariants."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from protocols.slots.written import unpack_slots
@@ -33,6 +34,12 @@ class AgentStatus(NamedTuple):
     swaps: tuple[int, ...]
     digest: int
     view: bytes
+
+
+def all_swaps(statuses: Iterable[AgentStatus]) -> dict[str, int]:
+    """What these drones together count of their swaps, by `SWAP_COUNTS`."""
+    each = [status.swaps for status in statuses] or [(0,) * len(SWAP_COUNTS)]
+    return dict(zip(SWAP_COUNTS, map(sum, zip(*each, strict=True)), strict=True))
 
 
 def is_due(tick: int, changed: bool) -> bool:

@@ -19,8 +19,10 @@ from world.director import Director
 from world.outlets.picture import picture, scene
 
 PICTURE, WORD = b"P", b"J"
-EVERY_S = 0.04  # between two pictures
-_EVERY_TICKS = 10  # and no more of the flight than this, where it is fast
+EVERY_S = 0.05  # between two pictures
+_EVERY_TICKS = (
+    20  # and no more of the flight than this, where it is fast: as long as a link shows what it carried
+)
 _LONGEST_WAIT_S = 0.05
 _LONGEST_HAND = 1 << 16
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from protocols.mission.document import Mission
 from protocols.wire import messages
-from protocols.wire.planned import PLAN_BYTES, SHOWN, Planned, is_near, pack_plan, unpack_plan
+from protocols.wire.planned import PLAN_BYTES, SHOWN, Planned, are_near, pack_plan, unpack_plans
 from rsc_swarm.flight.simulate import Simulation, simulate
 from tests.loopback import Loopback, Meddle
 from tests.world.served import mission, told
@@ -116,7 +116,6 @@ def test_a_plan_that_lies_is_not_shown_and_harms_nobody(lie: bytes) -> None:
 
 
 def test_a_plan_is_near_as_far_as_its_drone_could_fly() -> None:
-    one = unpack_plan(of([1, 10, 50, 100], 0.0))
-    assert is_near(one, np.zeros(2), 5.0)
-    assert is_near(one, np.array([1.05, 0.0]), 5.0)
-    assert not is_near(one, np.array([1.2, 0.0]), 5.0)
+    planned = unpack_plans(4 * of([1, 10, 50, 100], 0.0))
+    position, age = np.array([[0.0, 0.0], [1.05, 0.0], [1.2, 0.0], [1.2, 0.0]]), np.array([0, 0, 0, 2])
+    assert are_near(planned, age, position, 5.0).tolist() == [True, True, False, True]

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from protocols.slots.written import unpack_slots
-from protocols.wire.status import SWAP_COUNTS, AgentStatus
+from protocols.slots.written import unpack_all
+from protocols.wire.status import AgentStatus, all_swaps
 from world.core import WorldCore
 from world.medium.medium import TALLY
 
@@ -152,8 +152,9 @@ def picture(
     drones[:, 6] = np.minimum(core.nearest[world], FARTHEST_M)
     drones[:, 7] = core.edge_error[world]
     drones[:, 8:10] = 0.0
-    for agent, status in statuses.items():
-        drones[agent, 8], drones[agent, 9] = status.heard, sum(status.rejected)
+    if statuses:
+        told = [(status.heard, sum(status.rejected)) for status in statuses.values()]
+        drones[list(statuses), 8:10] = told
     drones[:, 10] = core.condition.group[world]
     return Picture(
         int(core.tick[world]),
@@ -162,10 +163,7 @@ def picture(
         _beliefs(core.claim[world], flying, statuses),
         links_of(core.fates[world], int(core.tick[world])),
         dict(zip(TALLY, core.tally[world].tolist(), strict=True)),
-        {
-            name: sum(status.swaps[index] for status in statuses.values())
-            for index, name in enumerate(SWAP_COUNTS)
-        },
+        all_swaps(statuses.values()),
         _NO_PLANS if plans is None else plans,
     )
 
@@ -177,7 +175,7 @@ def _beliefs(
     who = np.array([agent for agent in statuses if flying[agent]], np.int16)
     if not len(who):
         return np.empty((0, 3), np.int16)
-    views = np.array([unpack_slots(statuses[agent].view, len(claim)) for agent in who.tolist()], np.int16)
+    views = unpack_all([statuses[agent].view for agent in who.tolist()], len(claim))
     row, about = np.nonzero((views != claim) & flying)
     return np.stack([who[row], about, views[row, about]], axis=1)[:_MOST_BELIEFS].astype(np.int16)
 

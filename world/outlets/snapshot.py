@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from protocols.dynamics import TICK_S
-from protocols.wire.status import SWAP_COUNTS, AgentStatus
+from protocols.wire.status import AgentStatus, all_swaps
 from world.core import WorldCore
 from world.medium.medium import TALLY
 
@@ -92,8 +92,5 @@ def snapshot(
         goal_x_m=float(core.goal_x[world]),
         depth_m=float(np.ptp(core.layout.offsets[:, 0])),
         frames=dict(zip(TALLY, (int(number) for number in core.tally[world]), strict=True)),
-        swaps={
-            name: sum(status.swaps[index] for status in statuses.values())
-            for index, name in enumerate(SWAP_COUNTS)
-        },
+        swaps=all_swaps(statuses.values()),
     )

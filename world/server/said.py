@@ -11,6 +11,7 @@ from protocols.dynamics import ABSURD_MPS2
 from protocols.kernels import bound, by_reference, kernel
 from protocols.wire.frames import MAX_FRAME_BYTES
 from protocols.wire.messages import MAX_FROM_DRONE, MAX_PROOF, REPLY_AT, REPLY_HEAD, REPLY_MARK, Reply
+from protocols.wire.planned import PLAN_BYTES
 from protocols.wire.rows import as_bytes, bytes_of, get_number, put_bytes
 from protocols.wire.status import AgentStatus
 from world.core import Answers, WorldCore
@@ -25,7 +26,7 @@ class _Desk(NamedTuple):
     """What `_take_plain` works on.
 
     given: (6,) as there. data: what was said. numbers: (2,) m/s^2, for its own use, and the same as bytes. command: (N, 2),
-    sent_bytes, claim: (N,) and frames: as `Said` has them.
+    sent_bytes, claim: (N,) and frames: as `Said` has them. plan, planned_at: as `Plans`.
     """
 
     given: NDArray[np.int64]
@@ -36,6 +37,8 @@ class _Desk(NamedTuple):
     sent_bytes: NDArray[np.int64]
     claim: NDArray[np.int64]
     frames: Frames
+    plan: NDArray[np.uint8]
+    planned_at: NDArray[np.int64]
 
 
 @kernel
@@ -59,10 +62,12 @@ def _take_plain(desk: _Desk) -> bool:
     ):
         return False
     slot, frame = get_number(data, REPLY_AT.slot, 2), get_number(data, REPLY_AT.frame_size, 2)
+    plan = get_number(data, REPLY_AT.plan_size, 2)
     usual = (
         get_number(data, REPLY_AT.account_size, 2) == 0
         and frame <= MAX_FRAME_BYTES
-        and _HEAD_BYTES + frame == size
+        and (plan == 0 or plan == PLAN_BYTES)
+        and _HEAD_BYTES + frame + plan == size
     )
     if not usual or slot >= desk.claim.shape[0]:
         return False
@@ -75,6 +80,9 @@ def _take_plain(desk: _Desk) -> bool:
     if frame > 0:
         put_bytes(desk.frames.data[bucket, agent], 0, data, _HEAD_BYTES, frame)
         desk.frames.size[bucket, agent] = desk.sent_bytes[agent] = frame
+    if plan > 0:
+        put_bytes(desk.plan[agent], 0, data, _HEAD_BYTES + frame, plan)
+        desk.planned_at[agent] = tick
     return True
 
 
@@ -98,8 +106,9 @@ class Said:
         given, data, numbers = np.zeros(6, np.int64), np.zeros(MAX_FROM_DRONE, np.uint8), np.zeros(2)
         self._given, self._into = given.data, data.data
         desk = _Desk(
-            given, data, numbers, as_bytes(numbers), self.command, self._sent_bytes, self._claim, self.frames
-        )
+            given, data, numbers, as_bytes(numbers), self.command, self._sent_bytes, self._claim, self.frames,
+            self.plans.unread, self.plans.made_at,
+        )  # fmt: skip
         self._take_plain = bound(_take_plain, by_reference(desk))
 
     def begin(self, tick: int) -> int:
