@@ -1,6 +1,7 @@
 """The thin shell around agent.quick: one drone's ticks in a relayed world."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ class QuickTicks:
         self._answer_bytes, self._last_tick, self._asked = self._answer.data, self._last.data, self._size.data
         self._data: NDArray[np.uint8] | None = None  # where kernels read a Tick
         self._fly: Callable[[], int] | None = None
+        self._made_at: memoryview[Any] | None = None
         self.plan_of: Callable[[int], bytes] | None = None
 
     def _connect(self) -> None:
@@ -48,6 +50,7 @@ class QuickTicks:
                 self._answer,
             )  # fmt: skip
             self._fly = policy.quickly(by_reference(quick))
+            self._made_at = None if policy.made_at is None else policy.made_at.data
 
     def flown(self, tick: int) -> None:
         """This tick was flown in the ordinary way."""
@@ -77,7 +80,7 @@ class QuickTicks:
         if is_due(tick, changed=False):
             status = account_of(self._core, self._hearing, tick)
             reply = with_account(reply, status)
-        if self.plan_of and (plan := self.plan_of(tick)):
-            reply = with_plan(reply, plan)
+        if self.plan_of and self._made_at and self._made_at[0] == tick:
+            reply = with_plan(reply, self.plan_of(tick))
         self._world.answered(tick, reply, status)
         return reply

@@ -19,10 +19,7 @@ from world.director import Director
 from world.outlets.picture import picture, scene
 
 PICTURE, WORD = b"P", b"J"
-EVERY_S = 0.05  # between two pictures
-_EVERY_TICKS = (
-    20  # and no more of the flight than this, where it is fast: as long as a link shows what it carried
-)
+EVERY_S = 0.08  # between two pictures; a page draws what lies between them
 _LONGEST_WAIT_S = 0.05
 _LONGEST_HAND = 1 << 16
 
@@ -50,8 +47,7 @@ class Window:
             self._tell_pace()
         elif not over:
             self._take_hands(director, now)
-        due = now - self._shown >= EVERY_S or tick - self._shown_tick >= _EVERY_TICKS
-        if (due or over) and tick != self._shown_tick:
+        if (now - self._shown >= EVERY_S or over) and tick != self._shown_tick:
             self._shown, self._shown_tick = now, tick
             factor = tick * TICK_S / max(now - self._began, 1e-9)
             self.show(picture(core, director.statuses, factor, plans=director.plans()).packed())

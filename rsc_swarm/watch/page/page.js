@@ -101,7 +101,7 @@ function togglePlay() {
 function pass(seconds) {
   const { end } = recording;
   if (play.live && !recording.over) {
-    const aim = end - Math.min(0.3, Math.max(0.02, play.rate * 0.06));
+    const aim = end - Math.min(0.6, Math.max(0.02, play.rate * 0.12));
     play.time += play.rate * seconds + (aim - play.time) * Math.min(1, 3 * seconds);
     if (Math.abs(aim - play.time) > 2) play.time = aim;
   } else if (play.on) play.time += play.speed * seconds;
