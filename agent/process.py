@@ -94,7 +94,7 @@ class Drone:
         """From now on let this world know what is planned; where Ticks are answered quickly, too."""
         self._tell_plan = world.tell_plan
         if self._quick:
-            self._quick.plan_of = self._core.plan_of
+            self._quick.telling[0] = True
 
     def fly(self, clock: Clock) -> None:
         """Act at every tick until the flight is over."""

@@ -37,7 +37,7 @@ class Quick(NamedTuple):
     """Everything a drone's tick works on. ``ears.data`` holds the Tick, of ``size`` (1,) bytes.
 
     *_bytes: what is sensed, and the command, as they travel. last: (1,) the last tick that was flown. answer: the Reply,
-    out; where it would tell of an account it stays 0.
+    out; where it would tell of an account it stays 0. telling: (1,) whether it tells of plans, too, to those who look on.
     """
 
     process: int
@@ -53,6 +53,7 @@ class Quick(NamedTuple):
     commands: Commands
     last: NDArray[np.int64]
     answer: NDArray[np.uint8]
+    telling: NDArray[np.bool_]
 
 
 @inlined_kernel
@@ -113,6 +114,7 @@ def end_tick(tick: int, quick: Quick) -> int:
     put_bytes(answer, REPLY_AT.proof, quick.ears.data, TICK_AT.proof, 4)
     put_number(answer, REPLY_AT.slot, arrays.views.slot[0], 2)
     put_number(answer, REPLY_AT.frame_size, frame_size, 2)
+    put_number(answer, REPLY_AT.plan_size, 0, 2)
     put_bytes(answer, REPLY_AT.ax, quick.command_bytes, 0, 16)
     place = tick % quick.commands.tick.shape[0]
     quick.commands.tick[place] = tick

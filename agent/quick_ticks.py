@@ -1,7 +1,6 @@
 """The thin shell around agent.quick: one drone's ticks in a relayed world."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from agent.policy.base import Compiled
 from agent.quick import Quick
 from agent.radio.hearing import Hearing
 from protocols.kernels import by_reference
-from protocols.wire.messages import MAX_FROM_DRONE, with_account, with_plan
+from protocols.wire.messages import MAX_FROM_DRONE, with_account
 from protocols.wire.rows import as_bytes
 from protocols.wire.status import AgentStatus, is_due
 
@@ -26,7 +25,7 @@ def account_of(core: AgentCore, hearing: Hearing, tick: int) -> AgentStatus:
 class QuickTicks:
     """Ticks of one drone in a relayed world, answered in one call.
 
-    plan_of: what was planned at a tick, packed, for those who look on; None where nobody does.
+    telling: (1,) whether they tell of plans, to those who look on.
     """
 
     def __init__(self, core: AgentCore, hearing: Hearing, world: RelayedWorld) -> None:
@@ -36,8 +35,7 @@ class QuickTicks:
         self._answer_bytes, self._last_tick, self._asked = self._answer.data, self._last.data, self._size.data
         self._data: NDArray[np.uint8] | None = None  # where kernels read a Tick
         self._fly: Callable[[], int] | None = None
-        self._made_at: memoryview[Any] | None = None
-        self.plan_of: Callable[[int], bytes] | None = None
+        self.telling = np.zeros(1, np.bool_)
 
     def _connect(self) -> None:
         core, sensed, world = self._core, self._world.sensed, self._world
@@ -47,10 +45,9 @@ class QuickTicks:
                 world.process, self._size, core.arrays, self._hearing.ears(world.heard),
                 as_bytes(sensed.position), as_bytes(sensed.velocity), as_bytes(sensed.near),
                 as_bytes(sensed.obstacles), core.command, as_bytes(core.command), world.commands, self._last,
-                self._answer,
+                self._answer, self.telling,
             )  # fmt: skip
             self._fly = policy.quickly(by_reference(quick))
-            self._made_at = None if policy.made_at is None else policy.made_at.data
 
     def flown(self, tick: int) -> None:
         """This tick was flown in the ordinary way."""
@@ -80,7 +77,5 @@ class QuickTicks:
         if is_due(tick, changed=False):
             status = account_of(self._core, self._hearing, tick)
             reply = with_account(reply, status)
-        if self.plan_of and self._made_at and self._made_at[0] == tick:
-            reply = with_plan(reply, self.plan_of(tick))
         self._world.answered(tick, reply, status)
         return reply

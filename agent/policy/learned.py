@@ -16,6 +16,7 @@ from agent.policy.base import Compiled, PolicyError
 from agent.policy.learned_kernel import (
     DUE,
     Planner,
+    Telling,
     ask_or_fly,
     empty_history,
     empty_plans,
@@ -31,6 +32,7 @@ from protocols.kernels import bound, by_reference, rebound
 from protocols.mission.document import Mission
 from protocols.relative import NEVER
 from protocols.wire.planned import SHOWN
+from protocols.wire.rows import as_bytes
 
 _OUTPUTS = ["displacement", "acceleration"]
 _ROWS = 32  # asked in one call; more would no longer fit the processor's caches
@@ -110,8 +112,15 @@ class Learned(Compiled):
     def quickly(self, quick: Quick) -> Callable[[], int]:
         displacement, acceleration = (np.zeros_like(self._plans.displacement) for _ in _OUTPUTS)
         outputs = dict(zip(_OUTPUTS, (displacement, acceleration), strict=True))
+        telling = Telling(
+            self.shown_after,
+            as_bytes(self.shown_after.astype("<u2")),
+            self._now,
+            self._shown,
+            as_bytes(self._shown),
+        )
         begin, end = (
-            bound(fly_quickly, planned, quick, self._planner, displacement, acceleration)
+            bound(fly_quickly, planned, quick, self._planner, displacement, acceleration, telling)
             for planned in (False, True)
         )
         plan = session.bound(self._session, self._asked(0, 1), outputs)

@@ -16,6 +16,8 @@ from protocols.dynamics import TICK_S, vector
 from protocols.kernels import inlined_kernel, kernel
 from protocols.relative import NEVER
 from protocols.wire.frames import OBSERVATION_SIZE, OBSERVATION_UNIT
+from protocols.wire.messages import REPLY_AT
+from protocols.wire.rows import put_bytes, put_number
 
 DUE = -2  # for a plan
 
@@ -270,6 +272,28 @@ def show_plans(
                 shown[row, moment, axis] = place
 
 
+class Telling(NamedTuple):
+    """How a drone tells those who look on of a plan (protocols.wire.planned). after: (P,) ticks, and packed; now, shown: as in
+    `show_plans`, and the latter's bytes."""
+
+    after: NDArray[np.int64]
+    after_bytes: NDArray[np.uint8]
+    now: NDArray[np.int64]
+    shown: NDArray[np.float32]
+    shown_bytes: NDArray[np.uint8]
+
+
+@inlined_kernel
+def _add_plan(tick: int, size: int, plans: Plans, telling: Telling, answer: NDArray[np.uint8]) -> int:
+    """Write what has just been planned behind a Reply of so many bytes; its size then."""
+    telling.now[0] = tick
+    show_plans(telling.now, telling.after, plans, telling.shown)
+    end = put_bytes(answer, size, telling.after_bytes, 0, telling.after_bytes.shape[0])
+    end = put_bytes(answer, end, telling.shown_bytes, 0, telling.shown_bytes.shape[0])
+    put_number(answer, REPLY_AT.plan_size, end - size, 2)
+    return end
+
+
 @kernel
 def fly_quickly(
     planned: bool,
@@ -277,6 +301,7 @@ def fly_quickly(
     planner: Planner,
     displacement: NDArray[np.float32],
     acceleration: NDArray[np.float32],
+    telling: Telling,
 ) -> int:
     """A drone's whole tick (agent.quick); `DUE` where the model is to be asked, and once it has been, ``planned``, the rest.
 
@@ -290,4 +315,7 @@ def fly_quickly(
     elif _ask(tick, arrays, planner) > 0:
         return DUE
     _fly(tick, arrays, planner)
-    return end_tick(tick, quick)
+    size = end_tick(tick, quick)
+    if planned and size > 0 and quick.telling[0] and displacement.shape[1] > 1:
+        size = _add_plan(tick, size, planner.plans, telling, quick.answer)
+    return size

@@ -220,18 +220,11 @@ def _pack_reply(reply: Reply) -> bytes:
 
 
 def with_account(reply: bytes, status: AgentStatus) -> bytes:
-    """This packed Reply, which holds neither account nor plan, with the one."""
-    return _with(reply, REPLY_AT.account_size, msgpack.packb(status))
-
-
-def with_plan(reply: bytes, plan: bytes) -> bytes:
-    """This packed Reply, which holds no plan, with one."""
-    return _with(reply, REPLY_AT.plan_size, plan)
-
-
-def _with(reply: bytes, size_at: int, part: bytes) -> bytes:
-    size = len(part).to_bytes(2, "little")
-    return reply[:size_at] + size + reply[size_at + len(size) :] + part
+    """This packed Reply, which holds no account, with one."""
+    account: bytes = msgpack.packb(status)
+    at = REPLY_AT.account_size
+    end = len(reply) - int.from_bytes(reply[REPLY_AT.plan_size : REPLY_AT.plan_size + 2], "little")
+    return reply[:at] + len(account).to_bytes(2, "little") + reply[at + 2 : end] + account + reply[end:]
 
 
 def _unpack_reply(data: bytes, agents: int) -> Reply:
