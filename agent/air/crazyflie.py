@@ -7,7 +7,7 @@ An order is said again with every look at the state; a setpoint is not, so that 
 """
 
 import math
-import queue
+import threading
 import time
 from contextlib import suppress
 from typing import Any
@@ -39,32 +39,36 @@ class CrazyflieVehicle(Ordered):
             raise VehicleAddressError(f"crazyflie:{where}: {error}") from None
         self._uri, self._rig, self._swarm = where, rig, rig.swarm
         self._said_at = -math.inf
-        self._accounts: queue.SimpleQueue[tuple[float, Account]] = queue.SimpleQueue()
-        self._newest: tuple[float, Account] | None = None
+        self._newest: tuple[float, Account] | None = None  # when it came, and what it says
+        self._heard = threading.Event()
         self._session: zenoh.Session | None = None
 
     def open(self, timeout_s: float) -> None:
         deadline = time.monotonic() + timeout_s
         self._session = self._connect(timeout_s)
-        self._session.declare_subscriber(
+        try:
+            self._listen(self._session, max(0.0, deadline - time.monotonic()))
+        except BaseException:
+            self.close()
+            raise
+
+    def _listen(self, session: zenoh.Session, timeout_s: float) -> None:
+        session.declare_subscriber(
             vehicles.account_key(self._swarm, self._rig.drone, self._uri),
             zenoh.handlers.Callback(self._hear, indirect=False),
         )
-        self._publisher = self._session.declare_publisher(
+        self._publisher = session.declare_publisher(
             vehicles.order_key(self._swarm, self._rig.drone, self._uri),
             express=True,
             congestion_control=zenoh.CongestionControl.DROP,
             reliability=zenoh.Reliability.BEST_EFFORT,
         )
-        try:
-            self._newest = self._accounts.get(timeout=max(0.0, deadline - time.monotonic()))
-        except queue.Empty:
-            self.close()
+        if not self._heard.wait(timeout_s):
             raise VehicleError(
                 f"the radio host at {self._endpoint} says nothing of the Crazyflie of drone {self._rig.drone} at {self._uri}: "
                 "it does not reach it (and says why); or it is that of another fleet, or has another fleet file than this drone: "
                 "give each fleet a host of its own"
-            ) from None
+            )
 
     def _connect(self, timeout_s: float) -> zenoh.Session:
         settings: dict[str, Any] = {
@@ -85,12 +89,10 @@ class CrazyflieVehicle(Ordered):
 
     def _hear(self, sample: zenoh.Sample) -> None:
         with suppress(VehicleMessageError):
-            self._accounts.put((time.monotonic(), vehicles.unpack_account(sample.payload.to_bytes())))
+            self._newest = time.monotonic(), vehicles.unpack_account(sample.payload.to_bytes())
+            self._heard.set()
 
     def state(self) -> State:
-        with suppress(queue.Empty):
-            while True:
-                self._newest = self._accounts.get_nowait()
         if self._newest is None:
             raise VehicleError(f"crazyflie:{self._uri} has not been opened")
         if self._order.kind not in (Kind.NOTHING, Kind.FLY):

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from agent.air.peers import AirLink, end_of, name_of
 from agent.air.pilot import Phase
 from agent.air.reach import reach_of
 from agent.air.trouble import Trouble
+from agent.air.vehicle import Vehicle
 from agent.process import seals_of
 from protocols.errors import SwarmError
 from protocols.fleet.document import FleetError, host_of
@@ -51,15 +53,22 @@ def fly_drone(
     """
     if me >= plan.mission.agents:
         raise FleetError(f"--agent {me}: the fleet's drones are 0 to {plan.mission.agents - 1}")
-    fleet, vehicle = plan.fleet, vehicle_of(plan, me, body)
+    vehicle = vehicle_of(plan, me, body)
     if run_dir:
         check_folder(run_dir)
     load(plan)
-    address = fleet.address(me)
     # Before the vehicle hears anything: it may be in the air with another of this drone's processes.
-    check_free(address)
+    check_free(plan.fleet.address(me))
     vehicle.open(_OPEN_S)
-    service = Service()
+    with closing(vehicle):
+        _fly(plan, me, vehicle, key_file, run_dir, trouble)
+
+
+def _fly(
+    plan: Plan, me: int, vehicle: Vehicle, key_file: Path | None, run_dir: Path | None, trouble: Trouble
+) -> None:
+    fleet = plan.fleet
+    address, service = fleet.address(me), Service()
     login = read_fleet_login(key_file, plan.mission.swarm, me, host_of(address)) if key_file else None
     seals = login.seals if login else None
     drone = AirDrone(
@@ -77,15 +86,12 @@ def fly_drone(
 
     go_first()
     with leave_when_asked() as leave:
-        try:
-            certificates, clock = login.certificates if login else None, Utc()
-            end, agents = end_of(fleet, name_of(me)), plan.mission.agents
-            with AirLink(plan.mission.swarm, end, certificates, agents, clock) as link:
-                _say(me, f"ready after {age_s():.2f} s at {address}, process {os.getpid()}")
-                service.ready(f"drone {me} at {address}")
-                fly(drone, link, lambda: service.alive(leave.asked), tell, trouble, clock)
-        finally:
-            vehicle.close()
+        certificates, clock = login.certificates if login else None, Utc()
+        end, agents = end_of(fleet, name_of(me)), plan.mission.agents
+        with AirLink(plan.mission.swarm, end, certificates, agents, clock) as link:
+            _say(me, f"ready after {age_s():.2f} s at {address}, process {os.getpid()}")
+            service.ready(f"drone {me} at {address}")
+            fly(drone, link, lambda: service.alive(leave.asked), tell, trouble, clock)
 
 
 def load(plan: Plan) -> None:

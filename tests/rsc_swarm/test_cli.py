@@ -326,3 +326,9 @@ def test_a_name_that_cannot_be_written_into_a_report_is_refused_before_anything_
     assert err == (
         f"rsc-swarm: {tmp_path}/r\\udce9: is no text in UTF-8, as which reports are written; give another name\n"
     )
+
+
+def test_of_two_flights_to_draw_neither_is_silently_left_out(run, tmp_path):
+    code, _, err = run("plot", "one", "--run-dir", "other")
+    assert code == 2
+    assert err == "rsc-swarm: one --run-dir other: these are different pictures; give one\n"

@@ -11,6 +11,7 @@ from rsc_swarm.air import alone
 from rsc_swarm.air.plans import read_plan
 from rsc_swarm.air.processes import fly_all
 from rsc_swarm.air.tower import watch
+from rsc_swarm.flight.key_files import KeyFileError
 from rsc_swarm.flight.run_dir import RunDirError
 from tests.scenarios.fleets import Fleet
 
@@ -27,6 +28,30 @@ def test_a_process_that_was_started_twice_leaves_its_vehicle_alone(
         first.bind((host, int(port)))
         with pytest.raises(LinkError, match=r"another program does\. Is this fleet in the air already"):
             alone.fly_drone(plan, 3, None, None, None, Trouble())
+
+
+class Silent:
+    """A vehicle of which nothing is asked but to be opened and closed."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def open(self, timeout_s: float) -> None:
+        self.done.append("open")
+
+    def close(self) -> None:
+        self.done.append("close")
+
+
+def test_a_drone_whose_keys_cannot_be_read_closes_its_vehicle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle = Silent()
+    monkeypatch.setattr(alone, "vehicle_of", lambda *_: vehicle)
+    monkeypatch.setattr(alone, "load", lambda _: None)
+    with pytest.raises(KeyFileError):
+        alone.fly_drone(read_plan(Fleet(tmp_path).file), 3, tmp_path / "none.json", None, None, Trouble())
+    assert vehicle.done == ["open", "close"]
 
 
 @pytest.mark.parametrize("where", ["file", "file/beneath"])
