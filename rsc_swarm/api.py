@@ -61,6 +61,7 @@ __all__ = [
 
 _A_FLIGHT = "a Flight, as simulate and launch return it"
 _FLOWN = (ExitCode.SUCCEEDED, ExitCode.FAILED)  # a launch that came to its end
+_LEAVE_S = 5.0  # for a command that has heard Ctrl-C; then it is asked
 
 
 @dataclass(frozen=True)
@@ -189,18 +190,8 @@ def launch(
     with TemporaryDirectory() as temporary:
         folder = Path(run_dir) if run_dir else Path(temporary) / "run"
         words = ["launch", *_settings(mission), "--clock", clock]
-        done = subprocess.run(
-            [sys.executable, "-m", "rsc_swarm", *words, "--run-dir", str(folder)],
-            env={
-                **os.environ,
-                **NAMED,
-                "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path),
-            },
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        if done.returncode == ExitCode.INTERRUPTED:
+        ended, said = _command(*words, "--run-dir", str(folder))
+        if ended == ExitCode.INTERRUPTED:
             raise KeyboardInterrupt
         kept = folder / "report.json"
         report = (
@@ -208,11 +199,37 @@ def launch(
         )
         if report and report.failure == "broken":
             raise RunBroken(report.detail)
-        if done.returncode not in _FLOWN or not report:
-            raise error_of(done.stderr, done.returncode)
+        if ended not in _FLOWN or not report:
+            raise error_of(said, ended)
         if not run_dir:
             report = report.model_copy(update={"again": _again("launch", mission, "--clock", clock)})
         return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))
+
+
+def _command(*words: str) -> tuple[int, str]:
+    """Run a command of rsc-swarm: how it ended, and what it said of that. Ctrl-C lets it leave in order first."""
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    with subprocess.Popen(
+        [sys.executable, "-m", "rsc_swarm", *words],
+        env={**os.environ, **NAMED, "PYTHONPATH": paths},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as command:
+        try:
+            return _end_of(command, None)
+        except KeyboardInterrupt:
+            try:
+                _end_of(command, _LEAVE_S)
+            except subprocess.TimeoutExpired:  # it was meant for this process alone
+                command.terminate()
+                _end_of(command, None)
+            raise
+
+
+def _end_of(command: "subprocess.Popen[str]", within_s: float | None) -> tuple[int, str]:
+    _, said = command.communicate(timeout=within_s)
+    return command.returncode, said
 
 
 def _again(verb: str, mission: Mission, *more: str) -> str:

@@ -1,6 +1,11 @@
 """``rs.launch``: real processes from a program, whatever that program has open already."""
 
+import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import psutil
 import pytest
@@ -63,3 +68,45 @@ def test_who_asks_a_launch_to_leave_before_it_flies_is_not_told_that_the_world_w
 
     with pytest.raises(KeyboardInterrupt):
         launch(rs.mission(agents=2, policy="analytic"), on_gathered=press_ctrl_c)
+
+
+LAUNCHING = """
+import sys
+import rsc_swarm as rs
+import rsc_swarm.api
+
+rsc_swarm.api._LEAVE_S = 1.0
+try:
+    rs.launch(rs.mission(agents=2, fly_s=600, policy="analytic"), clock="realtime", run_dir=sys.argv[1])
+except KeyboardInterrupt:
+    print("left")
+"""
+
+
+@pytest.mark.parametrize("whole_group", [True, False], ids=["a terminal's", "the program's alone"])
+def test_ctrl_c_in_a_program_keeps_what_its_launch_has_flown(tmp_path: Path, whole_group: bool) -> None:
+    """The launcher was killed a quarter of a second after Ctrl-C, however far it was with leaving."""
+    folder = tmp_path / "run"
+    program = subprocess.Popen(
+        [sys.executable, "-c", LAUNCHING, str(folder)],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    while not flying(psutil.Process(program.pid)):
+        time.sleep(0.05)
+    time.sleep(1.0)
+    for stopped in (True, False):  # so that leaving takes its time
+        for process in psutil.Process(program.pid).children():
+            process.suspend() if stopped else process.resume()
+        if stopped:
+            (os.killpg if whole_group else os.kill)(program.pid, signal.SIGINT)
+            time.sleep(0.5)
+    assert program.communicate(timeout=30)[0] == "left\n"
+    report = rs.FlightReport.model_validate_json((folder / "report.json").read_text())
+    assert report.failure == "interrupted"
+
+
+def flying(program: psutil.Process) -> bool:
+    """Whether the launch of this program has its world and two drones."""
+    return len(program.children(recursive=True)) >= 4
