@@ -62,7 +62,8 @@ export class Recording {
     return low;
   }
 
-  /** The flight at a time: the picture before it, with positions in between; null before there is any. */
+  /** The flight at a time: the picture before it, with positions in between, and with the plans of the one after it: those before it
+   * have been flown by then where the flight is fast. Null before there is any. */
   at(time) {
     if (!this.pictures.length) return null;
     const place = this.place(time), before = this.pictures[place], after = this.pictures[place + 1];
@@ -73,7 +74,7 @@ export class Recording {
     for (let at = 0; at < drones.length; at += COLUMNS)
       for (let column = X; column <= VY; column++)
         drones[at + column] += share * (after.drones[at + column] - before.drones[at + column]);
-    return { ...moment, drones };
+    return { ...moment, drones, plans: after.plans };
   }
 }
 
