@@ -225,6 +225,9 @@ def _command(*words: str) -> tuple[int, str]:
                 command.terminate()
                 _end_of(command, None)
             raise
+        finally:
+            if command.poll() is None:  # asked twice, or by something else than Ctrl-C
+                command.terminate()
 
 
 def _end_of(command: "subprocess.Popen[str]", within_s: float | None) -> tuple[int, str]:

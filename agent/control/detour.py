@@ -21,7 +21,7 @@ from protocols.wire.sensed import Sensed
 STALLED_TICKS = 30  #: after which a drone counts as stopped
 _CLOSING_MPS = 1.0  # nearing the slot more slowly is stalling
 _FAR_M = 2.0  # nearer to the slot is arriving
-_STANDING_MPS = 0.1  # more slowly nothing moves on
+_STANDING_MPS = 0.1  # who is slower stands
 # Kept from surfaces on the way around, beyond what the safety filter keeps: room to fly in, also for a drone that can do less
 # than it believes. Where there is no such way, hardly more than nothing, so that the way in is a way out.
 _WIDE_M, _TIGHT_M = 0.2, 0.02
@@ -124,12 +124,13 @@ def next_corner(
     """The first corner of the shortest way to the goal, all relative to me [m]: (corners on the way, x, y).
 
     ``rel`` (M, 2): centres [m], ``radius`` (M,) [m] of the first ``m`` obstacles, whose surfaces are passed at ``margin`` [m].
-    With ``exits``, ways are tried as well that only lead out of the margins around me, or into those around the goal.
+    With ``exits``, for who stands still: ways out of the margins around me, or into those around the goal, are tried as well.
     0 corners: the straight way is free, and (x, y) is the goal; -1: there is no way.
     """
     point = np.empty((2 + m * (_CORNERS + 2 * len(_EXITS_M)), 2))
     point[_START, 0], point[_START, 1] = 0.0, 0.0
     point[_GOAL, 0], point[_GOAL, 1] = goal_x, goal_y
+    # A millimetre would free the way through a gap too narrow for whoever stands a hand's breadth before its neck.
     leeway = 1e-6 if exits else 1e-3
     if _is_free(_START, _GOAL, point, m, rel, radius, margin, leeway):
         return 0, goal_x, goal_y
