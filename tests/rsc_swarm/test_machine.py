@@ -184,16 +184,17 @@ def begun(*words: str, **more: object) -> "subprocess.Popen[str]":
         [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)}, **more,
     )  # fmt: skip
-    while not answers(process.pid, signal.SIGTERM):
+    while not all(is_decided(process.pid, number) for number in (signal.SIGTERM, signal.SIGHUP)):
         assert process.poll() is None
         time.sleep(0.001)
     return process
 
 
-def answers(pid: int, number: signal.Signals) -> bool:
+def is_decided(pid: int, number: signal.Signals) -> bool:
+    """Whether the process answers this signal, or ignores it."""
     status = Path(f"/proc/{pid}/status").read_text()
-    caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
-    return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
+    sets = [line.split()[1] for line in status.splitlines() if line.startswith(("SigCgt:", "SigIgn:"))]
+    return any(int(numbers, 16) >> (number - 1) & 1 for numbers in sets)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
