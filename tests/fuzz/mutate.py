@@ -10,7 +10,7 @@ import io
 import json
 import random
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import msgpack
@@ -21,6 +21,7 @@ from tests.fuzz.nasty import HEADERS, NUMBERS, RAW_JSON, RAW_MSGPACK, RAW_YAML, 
 Change = Callable[[bytes, random.Random], bytes]
 
 PLACEHOLDER = "@here@"
+_GOES_DOWN = 0.8  # of all steps of a walk to the place of a change
 
 
 class Raw(NamedTuple):
@@ -50,17 +51,12 @@ def bytes_changed(data: bytes, draw: random.Random) -> bytes:
     return bytes(out)
 
 
-def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
-    """Every (list or mapping, index) in a tree."""
-    open_ = [tree]
-    while open_:
-        inner = open_.pop()
-        keys = (
-            list(inner) if isinstance(inner, dict) else range(len(inner)) if isinstance(inner, list) else ()
-        )
-        for key in keys:
-            yield inner, key
-            open_.append(inner[key])
+def _place(root: list[Any], draw: random.Random) -> tuple[Any, Any]:
+    """A (list or mapping, index) in a tree, whose top is root[0]: found on a walk down, so it costs the same in a large one."""
+    inner, key = root, 0
+    while (below := inner[key]) and isinstance(below, (dict, list)) and draw.random() < _GOES_DOWN:
+        inner, key = below, draw.choice(list(below) if isinstance(below, dict) else range(len(below)))
+    return inner, key
 
 
 def _leaf(draw: random.Random) -> Any:
@@ -118,15 +114,14 @@ def _pem_changed(text: str, draw: random.Random) -> str:
 def _changed(tree: Any, draw: random.Random) -> Any:
     root = [tree]
     for _ in range(draw.choice((1, 1, 1, 2, 3, 6))):
-        places = list(_places(root))
-        inner, key = draw.choice(places)
+        inner, key = _place(root, draw)
         kind = draw.randrange(9)
         if kind < 3:
             inner[key] = _near(inner[key], draw)
         elif kind == 3:
             inner[key] = _leaf(draw)
         elif kind == 4:
-            other, from_ = draw.choice(places)
+            other, from_ = _place(root, draw)
             inner[key] = json_copy(other[from_])
         elif kind == 5 and inner is not root:
             del inner[key]
