@@ -141,6 +141,15 @@ def seals_of(keys: SealKeys | None, agents: int, flight: bytes) -> SealsOf:
     return lambda agent: signatures
 
 
+def _check_welcome(initial_slots: bytes, agents: int, agent: int) -> None:
+    """Raises LinkError if a world welcomes drone ``agent`` to no swarm of its kind."""
+    if agent >= agents or sorted(initial_slots) != list(range(agents)):
+        raise LinkError(
+            f"the world welcomes drone {agent} to a swarm of {agents} drones with {len(initial_slots)} places; "
+            "let it be of the same version, and fly a mission that this drone is in"
+        )
+
+
 def fly(
     link: Link,
     agent: int,
@@ -165,6 +174,7 @@ def fly(
     welcome = clock.join()
     if welcome is not None:
         mission = parse_briefing(welcome.briefing, policy)
+        _check_welcome(welcome.initial_slots, mission.agents, agent)
         own, world = seals_of(seals, mission.agents, welcome.flight), clock.world
         drone = Drone(mission, agent, welcome.initial_slots, welcome.boot, world, world, seals_of=own)
         clock.quick = drone.answer_quickly(world)

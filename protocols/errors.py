@@ -3,6 +3,8 @@
 from enum import IntEnum
 from typing import ClassVar
 
+from protocols.printable import one_line
+
 
 class ExitCode(IntEnum):
     """How the command ends."""
@@ -18,6 +20,10 @@ class SwarmError(Exception):
     """One line says what is wrong, where, and what would be right; the command prints it and ends with ``exit_code``."""
 
     exit_code: ClassVar[ExitCode] = ExitCode.BAD_USAGE
+
+    def __str__(self) -> str:
+        """One line, whatever the names and files hold that it tells of."""
+        return one_line(super().__str__())
 
 
 class BrokenError(SwarmError):

@@ -1,9 +1,5 @@
 """Text of others: a terminal shows it and does not obey. Names and files may hold anything."""
 
-from typing import Annotated
-
-from pydantic import AfterValidator
-
 
 def printable(text: str) -> str:
     """``text`` with what cannot be printed, such as escape sequences and line ends, spelled out."""
@@ -14,4 +10,6 @@ def printable(text: str) -> str:
     )
 
 
-Printable = Annotated[str, AfterValidator(printable)]
+def one_line(text: str) -> str:
+    """``text`` on one line that a terminal can show."""
+    return printable(" ".join(text.split()))

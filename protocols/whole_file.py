@@ -7,7 +7,7 @@ that knows no nameless files gets one whose name begins with a dot.
 import errno
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -32,7 +32,7 @@ def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
         WriteError: one line names the file and says why.
     """
     try:
-        if _is_no_file(path):
+        if is_no_file(path):
             with open(path, "wb", opener=_open_read) as file:
                 yield file
             return
@@ -55,8 +55,8 @@ def whole_file(path: Path, private: bool = False) -> Iterator[BinaryIO]:
         raise WriteError(f"{path}: cannot be written ({why})") from None
 
 
-def _is_no_file(path: Path) -> bool:
-    """Whether something else than a file has this name. Raises OSError where links lead in a circle."""
+def is_no_file(path: Path) -> bool:
+    """Whether something else than a file has this name, a pipe say. Raises OSError where links lead in a circle."""
     try:
         return not stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
@@ -87,3 +87,19 @@ def write_whole(path: Path, content: str | bytes, private: bool = False) -> None
     """
     with whole_file(path, private) as file:
         file.write(content.encode() if isinstance(content, str) else content)
+
+
+def keep_all(*saves: Callable[[], object]) -> None:
+    """Call each; one that fails takes no other along.
+
+    Raises:
+        WriteError: one of them did, or several; the others have kept what they keep.
+    """
+    lost: list[str] = []
+    for save in saves:
+        try:
+            save()
+        except WriteError as error:
+            lost.append(str(error))
+    if lost:
+        raise WriteError("; ".join(lost))

@@ -28,7 +28,7 @@ from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.report import FlightReport, report_of
 from rsc_swarm.flight.simulate import flights_at_once
-from rsc_swarm.given import A_MISSION, a_mission, one_of, one_or_several, plain, whole
+from rsc_swarm.given import A_MISSION, a_mission, a_path, one_of, one_or_several, plain, whole
 from rsc_swarm.missions import mission_file
 from rsc_swarm.show.plots.flight import draw as draw_tracks
 from rsc_swarm.study import evaluate as study
@@ -188,7 +188,7 @@ def launch(
             "put the class into a module of its own and import it"
         )
     with TemporaryDirectory() as temporary:
-        folder = Path(run_dir) if run_dir else Path(temporary) / "run"
+        folder = Path(temporary) / "run" if run_dir is None else a_path("run_dir", run_dir)
         words = ["launch", *_settings(mission), "--clock", clock]
         ended, said = _command(*words, "--run-dir", str(folder))
         if ended == ExitCode.INTERRUPTED:
@@ -201,7 +201,7 @@ def launch(
             raise RunBroken(report.detail)
         if ended not in _FLOWN or not report:
             raise error_of(said, ended)
-        if not run_dir:
+        if run_dir is None:
             report = report.model_copy(update={"again": _again("launch", mission, "--clock", clock)})
         return Flight(mission, report, Trajectory.load(folder / "trajectory.npz"))
 
@@ -300,24 +300,24 @@ def draw(flights: Flight | Sequence[Flight], out: str | Path) -> None:
 
     Raises:
         rsc_swarm.show.plots.style.PlotError: matplotlib is missing (``pip install matplotlib``), or knows no such files.
-        protocols.whole_file.WriteError: it cannot be written. MissionError: these are no flights.
+        protocols.whole_file.WriteError: it cannot be written. MissionError: these are no flights, or no path.
     """
     several = one_or_several("flights", flights, Flight, _A_FLIGHT)
     if not several:
         raise MissionError("flights: give at least one")
-    draw_tracks([_track(flight) for flight in several], Path(out))
+    draw_tracks([_track(flight) for flight in several], a_path("out", out))
 
 
 def write_report(flight: Flight, out: str | Path) -> None:
     """Write the story of a flight as one HTML file (docs/recordings.md).
 
     Raises:
-        protocols.whole_file.WriteError: it cannot be written. MissionError: this is no flight.
+        protocols.whole_file.WriteError: it cannot be written. MissionError: this is no flight, or no path.
     """
     one_of("flight", flight, Flight, _A_FLIGHT)
     from rsc_swarm.show.page.page import write_page  # what few need is loaded by those
 
-    write_page(_track(flight), Path(out))
+    write_page(_track(flight), a_path("out", out))
 
 
 def _track(flight: Flight) -> Recorded:

@@ -1,7 +1,9 @@
 """What callers of the public door hand over, checked: a wrong kind of thing is named, with what would be right."""
 
 import operator
+import os
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -30,6 +32,7 @@ def one_or_several(name: str, given: object, kind: type[_T], made_by: str) -> li
     Raises:
         MissionError: as `one_of`.
     """
+    given = plain(given)  # an array may hold them
     several = (
         given if isinstance(given, Iterable) and not isinstance(given, kind | str | bytes | dict) else [given]
     )
@@ -55,6 +58,18 @@ def whole(name: str, given: object) -> int:
         return operator.index(given)  # type: ignore[arg-type]
     except TypeError:
         raise MissionError(f"{name}: give a whole number, not {shown(given)}") from None
+
+
+def a_path(name: str, given: object) -> Path:
+    """A path it must be: text, or a `Path`.
+
+    Raises:
+        MissionError: it is something else.
+    """
+    path = os.fspath(given) if isinstance(given, str | os.PathLike) else None
+    if not isinstance(path, str) or not path or "\0" in path:
+        raise MissionError(f"{name}: give a path, not {shown(given)}")
+    return Path(path)
 
 
 def plain(value: Any) -> Any:

@@ -128,13 +128,17 @@ class AirLink(Closing):
                 self._session = zenoh.open(filled(zenoh.Config(), settings))
         except zenoh.ZError as error:
             raise LinkError(
-                f"cannot listen at {end.listen} ({' '.join(str(error).split())[:120]}); give a free port of this machine, "
+                f"cannot listen at {end.listen} ({str(error)[:120]}); give a free port of this machine, "
                 "or end what uses it"
             ) from None
-        for who, kind in end.hears:
-            take = zenoh.handlers.Callback(self._taking(who, kind), indirect=False)
-            self._session.declare_subscriber(_key(self._swarm, who, kind), take)
         self._publishers: dict[str, Any] = {}
+        try:
+            for who, kind in end.hears:
+                take = zenoh.handlers.Callback(self._taking(who, kind), indirect=False)
+                self._session.declare_subscriber(_key(self._swarm, who, kind), take)
+        except BaseException:
+            self.close()
+            raise
 
     def _publisher(self, kind: str) -> Any:
         return self._session.declare_publisher(

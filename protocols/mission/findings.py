@@ -60,7 +60,7 @@ def shown(value: object) -> str:
         return "nothing"
     try:
         text = " ".join(repr(list(value) if isinstance(value, tuple) else value).split())
-    except (ValueError, RecursionError):  # a number of thousands of digits; a list in a list in a list
+    except Exception:  # thousands of digits; a list in a list in a list; what cannot say what it is
         text = type(value).__name__
     return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
 

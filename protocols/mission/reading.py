@@ -136,7 +136,7 @@ def read_yaml(text: str) -> Any:
             why += "; indent with spaces"
         mark = error.problem_mark or error.context_mark
         place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ReadingError(f"is not valid YAML{place} ({' '.join(why.split())})") from None
+        raise ReadingError(f"is not valid YAML{place} ({why})") from None
     except (
         ValueError,
         OverflowError,

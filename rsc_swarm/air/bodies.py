@@ -31,10 +31,12 @@ def vehicle_of(plan: Plan, me: int, body: str | None = None) -> Vehicle:
     Raises:
         VehicleAddressError: as make_vehicle. FleetError: plain text would leave this machine, and nobody said that it may.
     """
-    spec, rig = plan.fleet.drones[me], rig_of(plan, me)
-    vehicle = make_vehicle(body or spec.body, rig)
+    rig = rig_of(plan, me)
+    if body is None:
+        body = plan.fleet.drones[me].body
+    vehicle = make_vehicle(body, rig)
     if not plan.fleet.radio.plain_text:
-        _refuse_plain_text(body or spec.body, rig.options)
+        _refuse_plain_text(body, rig.options)
     return vehicle
 
 

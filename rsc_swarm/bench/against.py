@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import psutil
 
 from protocols.dynamics import TICK_S
-from protocols.errors import BrokenError
+from protocols.errors import BrokenError, SwarmError
 from rsc_swarm.machine.leaving import passing_folder
 
 _LOOK_S = 0.1
@@ -36,7 +36,7 @@ Path(sys.argv[2]).write_text(json.dumps(told))
 """
 
 
-class AgainstError(BrokenError, RuntimeError):
+class AgainstError(SwarmError, ValueError):
     """There is nothing to compare with; one line says why."""
 
 
@@ -70,7 +70,7 @@ def against(
     """Fly ``pairs`` pairs of launches by each policy; what they cost, by policy, ``here`` and ``there``, and `ECHO` ``here``.
 
     Raises:
-        AgainstError: ``other`` is no checkout, or a launch broke.
+        AgainstError: ``other`` is no checkout. protocols.errors.BrokenError: a launch broke.
     """
     here = Path(__file__).parents[2]
     if not (other / "rsc_swarm" / "__main__.py").is_file():
@@ -128,7 +128,7 @@ def _fly(folder: Path, agents: int, policy: str, map_seed: int) -> Cost:
         try:
             told: dict[str, Any] = json.loads(report.read_text())
         except (OSError, ValueError):
-            raise AgainstError(
+            raise BrokenError(
                 f"{folder}: a launch broke: {said.splitlines()[-1] if said else 'it said nothing'}"
             ) from None
     return _cost(looks, told)

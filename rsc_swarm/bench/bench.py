@@ -5,6 +5,7 @@ machine's own speed wanders. Medians of the runs are printed; the JSON has every
 """
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -20,11 +21,13 @@ from agent.policy.model_file import SHIPPED, read_model
 from agent.policy.session import open_session
 from agent.slot_endpoints import make_endpoint
 from protocols.dynamics import TICK_S
+from protocols.errors import BrokenError
 from protocols.mission.document import Mission
 from protocols.slots.seals import Stamps
 from protocols.wire.frames import FIXED
 from rsc_swarm.bench.batch import bench_batch
 from rsc_swarm.bench.echo import bare_echo
+from rsc_swarm.errors import NAMED, error_of
 from rsc_swarm.flight.launch import Launched, launch
 from rsc_swarm.flight.simulate import Simulation, simulate
 from rsc_swarm.machine.leaving import passing_folder
@@ -218,14 +221,18 @@ def _alone(agents: int) -> dict[str, Any]:
     with passing_folder("rsc-swarm-bench-") as folder:
         report, endpoint = folder / "report.json", f"unixsock-stream/{folder}/world.sock"
         short = ["--agents", str(agents), "--set", "fly_s=0.5", "--json", str(report)]
-        subprocess.run(
-            [sys.executable, "-m", "rsc_swarm", "launch", *short], capture_output=True, check=False
-        )
+        flown = subprocess.run(
+            [sys.executable, "-m", "rsc_swarm", "launch", *short],
+            env={**os.environ, **NAMED}, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if not report.is_file():
+            raise error_of(flown.stderr, flown.returncode)
         first_tick = json.loads(report.read_text())["first_tick_s"]
         with _child(_LONE_WORLD, endpoint, str(folder)), _child(_LONE_DRONE, endpoint, str(folder)) as drone:
-            ready = float(drone.stdout.readline())
+            if not (ready := drone.stdout.readline()):
+                raise BrokenError("a drone alone did not begin; what it said stands above")
             resident = psutil.Process(drone.pid).memory_info().rss / 1e6
-    return {"first_tick_s": first_tick, "agent_ready_s": ready, "agent_resident_mb": resident}
+    return {"first_tick_s": first_tick, "agent_ready_s": float(ready), "agent_resident_mb": resident}
 
 
 @contextmanager

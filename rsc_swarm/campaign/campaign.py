@@ -17,7 +17,7 @@ from rsc_swarm.campaign.flying import Failure, Plan, Tally, fly_task
 from rsc_swarm.campaign.kept import KeptError
 from rsc_swarm.campaign.shrinking import shrink
 from rsc_swarm.study.fingerprint import fingerprint, name_of
-from rsc_swarm.study.finished import Journal
+from rsc_swarm.study.finished import JOURNAL, Journal
 from rsc_swarm.study.machines import Crew
 from rsc_swarm.study.workers import executor_of, told_in_a_line
 
@@ -69,7 +69,7 @@ class FlownTasks(Journal[tuple[int, int, str], _Line]):
         except OSError as error:
             raise KeptError(f"--out {folder}: cannot be used ({error.strerror})") from None
         code = name_of(fingerprint(plan.mission), plan.budget, plan.seed)
-        super().__init__(folder / f"{code}.journal.jsonl")
+        super().__init__(folder / f"{code}{JOURNAL}")
         lines = self.finished.values()
         self.tasks = {
             line.task: line.tally

@@ -9,10 +9,12 @@ from protocols.errors import SwarmError
 from protocols.mission.document import Mission, parse_mission, read_mission_fields
 from protocols.mission.policy_name import from_folder
 from protocols.mission.reading import write_yaml
+from protocols.printable import one_line
 from protocols.whole_file import write_whole
 from rsc_swarm.campaign.flying import Failure, fly_all
 from rsc_swarm.campaign.judging import Broken, judge
 from rsc_swarm.flight.provenance import commit
+from rsc_swarm.study.finished import JOURNAL
 
 _BROKE, _DIGEST, _COMMIT = "broke", "digest", "commit"
 
@@ -47,7 +49,7 @@ class Flown:
     digest: str
 
     def __str__(self) -> str:
-        name, before = self.kept.path, self.kept.broke
+        name, before = one_line(str(self.kept.path)), self.kept.broke
         if not self.broken:
             return f"{name}: keeps all" + (f" (it broke: {before})" if before else "")
         as_kept = ", as kept bit for bit" if self.digest == self.kept.digest else ""
@@ -93,18 +95,19 @@ def read_kept(path: Path) -> Kept:
         protocols.mission.document.MissionError: it cannot be flown.
     """
     mission = parse_mission(read_mission_fields(path), str(path))
-    said = dict(re.findall(r"^# (\w+): (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE))
+    lines = re.findall(r"^# (\w+): (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    said = {name: one_line(text) for name, text in lines}
     return Kept(path, mission, said.get(_BROKE), said.get(_DIGEST), said.get(_COMMIT))
 
 
 def all_kept(folder: Path) -> list[Kept]:
-    """Every kept mission in the folder and those in it.
+    """Every kept mission in the folder and those in it; none in that of a campaign in which nothing broke.
 
     Raises:
-        KeptError: there is none. protocols.mission.document.MissionError: one cannot be flown.
+        KeptError: it is no such folder. protocols.mission.document.MissionError: one cannot be flown.
     """
-    found = sorted(folder.rglob("*.yaml")) if folder.is_dir() else []
-    if not found:
+    found = sorted(folder.rglob("*.yaml"))
+    if not found and not any(folder.glob(f"*{JOURNAL}")):
         raise KeptError(f"--check {folder}: no missions here; give a folder of mission files (.yaml)")
     return [read_kept(path) for path in found]
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from protocols.errors import ExitCode
+from protocols.wire.keys import MAX_AGENTS
 from rsc_swarm.cli.app import PlainText, announce_compiling, app, examples
 
 Connect = Annotated[
@@ -19,7 +20,7 @@ Policy = Annotated[
 
 @app.command(epilog=examples("agent --agent 0 --connect tls/10.0.0.1:7447 --credentials agent-0.json"))
 def agent(
-    agent: Annotated[int, typer.Option(metavar="I", min=0, help="Which drone this is.")],
+    agent: Annotated[int, typer.Option(metavar="I", min=0, max=MAX_AGENTS - 1, help="Which drone this is.")],
     connect: Connect,
     credentials: Annotated[
         Path,

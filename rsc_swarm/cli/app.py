@@ -137,6 +137,22 @@ def examples(*lines: str) -> str:
     return "[bold]Examples[/]\n\n" + "\n\n".join(f"[cyan]rsc-swarm {line}[/]" for line in lines)
 
 
+def refuse_besides(context: typer.Context, option: str, *means: str) -> None:
+    """Refuse what was given besides ``option`` and says nothing there; ``means``: the parameters that do.
+
+    Raises:
+        typer.BadParameter: something was.
+    """
+    given = [
+        parameter.opts[0] if parameter.param_type_name == "option" else str(context.params[parameter.name])
+        for parameter in context.command.params
+        if parameter.name and parameter.name not in means and parameter.opts[0] != option
+        if getattr(context.get_parameter_source(parameter.name), "name", "") == "COMMANDLINE"
+    ]
+    if given:
+        raise typer.BadParameter(f"{option}: {' '.join(given)} says nothing beside it; leave it out")
+
+
 def announce_compiling() -> None:
     """Compile the rules if that has not been done, and show how far it has come.
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import JsonFile, announce_compiling, app, examples
+from rsc_swarm.cli.app import JsonFile, announce_compiling, app, examples, refuse_besides
 from rsc_swarm.machine.leaving import unwind_when_asked
 
 
@@ -15,6 +15,7 @@ from rsc_swarm.machine.leaving import unwind_when_asked
 )
 @unwind_when_asked()  # it starts other commands
 def bench(
+    context: typer.Context,
     agents: Annotated[int, typer.Option("--agents", "-n", help="Number of drones.")] = 25,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter runs, rougher figures.")] = False,
     twins: Annotated[
@@ -34,7 +35,12 @@ def bench(
     json: JsonFile = None,
 ) -> None:
     """Measure this machine: ticks per second, start-up, memory."""
+    if twins:
+        refuse_besides(context, "--twins", "agents", "json")
+    if against:
+        refuse_besides(context, "--against", "agents", "pairs", "json")
     announce_compiling()
+    from functools import partial
     from json import dumps
 
     from rsc_swarm.bench import bench as benches
@@ -43,9 +49,8 @@ def bench(
     output = JsonOutput(json)
     if twins:
         flown = benches.twins(agents, twins, lambda line: typer.echo(line, err=True))
-        output.write(dumps(flown, indent=2))
         counts = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in flown.items())
-        typer.echo(counts, file=output.beside)
+        output.tell(partial(typer.echo, counts, file=output.beside), dumps(flown, indent=2))
         raise typer.Exit(ExitCode.SUCCEEDED if flown["equal_digests"] == twins else ExitCode.FAILED)
     if against:
         from rsc_swarm.bench import against as beside
@@ -57,9 +62,8 @@ def bench(
             policy: {side: [cost._asdict() for cost in flown] for side, flown in sides.items()}
             for policy, sides in costs.items()
         }
-        output.write(dumps(figures, indent=2))
-        typer.echo(beside.render(costs, agents), file=output.beside)
+        told = beside.render(costs, agents)
+        output.tell(partial(typer.echo, told, file=output.beside), dumps(figures, indent=2))
         return
     figures = benches.bench(agents, quick, lambda line: typer.echo(f"measuring {line}...", err=True))
-    output.write(dumps(figures, indent=2))
-    typer.echo(benches.render(figures), file=output.beside)
+    output.tell(partial(typer.echo, benches.render(figures), file=output.beside), dumps(figures, indent=2))

@@ -3,20 +3,36 @@
 import sys
 import time
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import WhoOptions, announce_compiling, app, examples, with_options
+from rsc_swarm.cli.app import WhoOptions, announce_compiling, app, examples, refuse_besides, with_options
 from rsc_swarm.machine.leaving import unwind_when_asked
 from rsc_swarm.options import MissionOptions, command_line, named, resolve
 
 if TYPE_CHECKING:
     from rsc_swarm.campaign.flying import Plan, Tally
     from rsc_swarm.study.machines import Who
+
+
+@dataclass(frozen=True)
+class KeptOptions:
+    """Options that say which kept missions are flown instead."""
+
+    check: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Fly the missions in this folder, and nothing else: does one break?"
+        ),
+    ] = None
+    replay: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Fly this kept mission in processes, and nothing else."),
+    ] = None
 
 
 @app.command(
@@ -30,8 +46,10 @@ if TYPE_CHECKING:
 )
 @with_options
 def campaign(
+    context: typer.Context,
     options: MissionOptions,
     who: WhoOptions,
+    kept: KeptOptions,
     name: Annotated[str | None, typer.Argument(metavar="MISSION", help="The same as --mission.")] = None,
     budget: Annotated[
         str | None,
@@ -48,16 +66,6 @@ def campaign(
             help="Where missions that broke something, and an index of them, go. (campaigns/MISSION-SEED)",
         ),
     ] = None,
-    check: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Fly the missions in this folder, and nothing else: does one break?"
-        ),
-    ] = None,
-    replay: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Fly this kept mission in processes, and nothing else."),
-    ] = None,
 ) -> None:
     """Fly a mission many times, each time with other faults; shrink what breaks to the shortest mission that still does.
 
@@ -65,6 +73,10 @@ def campaign(
     """
     from protocols.mission.document import MissionError
 
+    if kept.replay:
+        refuse_besides(context, "--replay")
+    if kept.check:
+        refuse_besides(context, "--check", "workers", "on")
     options = named(options, name)
     try:
         import hypothesis  # noqa: F401
@@ -73,10 +85,10 @@ def campaign(
             "a campaign needs hypothesis: pip install -e '.[campaign]', in the clone of rsc-swarm"
         ) from None
     announce_compiling()
-    if replay:
-        raise typer.Exit(_replay(replay))
-    if check:
-        raise typer.Exit(_check(check, who.checked()))
+    if kept.replay:
+        raise typer.Exit(_replay(kept.replay))
+    if kept.check:
+        raise typer.Exit(_check(kept.check, who.checked()))
     raise typer.Exit(_fly(options, budget, flights, out, who.checked()))
 
 
@@ -166,10 +178,11 @@ def _check(folder: Path, who: "Who") -> ExitCode:
 
     kept = all_kept(folder)
     broken = 0
-    with unwind_when_asked(), crew_of(who) as crew, executor_of(crew, kept[0].mission) as executor:
-        for flown in executor.map(fly_kept, kept):
-            broken += flown.broken is not None
-            print(flown, flush=True)
+    if kept:
+        with unwind_when_asked(), crew_of(who) as crew, executor_of(crew, kept[0].mission) as executor:
+            for flown in executor.map(fly_kept, kept):
+                broken += flown.broken is not None
+                print(flown, flush=True)
     print(f"{len(kept)} missions, {broken or 'none'} broke something")
     return ExitCode.FAILED if broken else ExitCode.SUCCEEDED
 

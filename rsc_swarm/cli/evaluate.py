@@ -105,7 +105,6 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
     from rsc_swarm.show.render import console
     from rsc_swarm.study.evaluate import evaluate, summarise
     from rsc_swarm.study.fingerprint import fingerprint
-    from rsc_swarm.study.finished import journal_path
     from rsc_swarm.study.machines import crew_of
     from rsc_swarm.study.progress import TICKS_GUESS, Flights
 
@@ -117,7 +116,7 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
     mission = resolve(options)
     output = JsonOutput(json)
     code = fingerprint(mission)
-    journal = journal_path(output.file, code) if output.file else None
+    journal = output.journal(code)
     begin = time.monotonic()
     meter = Meter()
     progress = Flights(TICKS_GUESS * mission.ticks, meter)
@@ -136,15 +135,19 @@ def fly_row(options: MissionOptions, amount: "Amount", json: str | None) -> Exit
         )
         return ExitCode.INTERRUPTED
     result = summarise(mission, flights, amount.starts, code)
-    output.write(result.model_dump_json(indent=2))
-    out = console(output.beside)
-    out.print(render(result, rich=out.is_terminal))
-    print_notes(
-        out,
-        result,
-        time.monotonic() - begin,
-        lambda failed: command_line("simulate", options, map=failed.map, seed=failed.seed),
-    )
-    flown = {"maps": amount.maps, "starts": amount.starts, "seed_base": amount.seed_base}
-    out.print(f"\nThe row again:  {command_line('evaluate', options, **flown)}", soft_wrap=True)
+    took_s = time.monotonic() - begin
+
+    def tell() -> None:
+        out = console(output.beside)
+        out.print(render(result, rich=out.is_terminal))
+        print_notes(
+            out,
+            result,
+            took_s,
+            lambda failed: command_line("simulate", options, map=failed.map, seed=failed.seed),
+        )
+        flown = {"maps": amount.maps, "starts": amount.starts, "seed_base": amount.seed_base}
+        out.print(f"\nThe row again:  {command_line('evaluate', options, **flown)}", soft_wrap=True)
+
+    output.tell(tell, result.model_dump_json(indent=2))
     return ExitCode.SUCCEEDED

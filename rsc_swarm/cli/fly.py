@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from protocols.errors import ExitCode, SwarmError
 from protocols.mission.document import Mission
-from protocols.whole_file import WriteError
+from protocols.whole_file import WriteError, keep_all
 from rsc_swarm.cli.app import Clock, FlightOptions
 from rsc_swarm.cli.mcap_output import McapOutput
 from rsc_swarm.cli.output import JsonOutput
@@ -121,14 +121,18 @@ def fly_once(
         from rsc_swarm.show.render import plain, render
 
         kept = report(told)
-        saves: list[Callable[[], None]] = [*first, partial(output.write, kept.model_dump_json(indent=2))]
+        saves: list[Callable[[], object]] = [*first, partial(output.write, kept.model_dump_json(indent=2))]
         if folder:
             saves.append(partial(folder.add_faults, told.flown.by_hand))
         saves.append(told.save)
         if folder:
             saves.append(partial(folder.finish, kept, plain(render(kept))))
         saves.append(partial(mcap.write, place, flown_task(told), kept))
-        return [error for save in saves if (error := _try(save))]
+        try:
+            keep_all(*saves)
+        except WriteError as error:
+            return [error]
+        return []
 
     def gathered(ready: int) -> None:
         view.waiting(ready, mission.agents)
@@ -178,15 +182,6 @@ def _served(mode: str, asked: FlightOptions, view: View) -> "Iterator[Window | N
     with served(Asked(asked.view_host, asked.view_port, asked.open), speed, paced) as site:
         view.say(f"watch it at {site.address}")
         yield site.window
-
-
-def _try(save: Callable[[], None]) -> WriteError | None:
-    """Save; what went wrong, which takes nothing else along."""
-    try:
-        save()
-    except WriteError as error:
-        return error
-    return None
 
 
 def _ends(report: "FlightReport") -> ExitCode:

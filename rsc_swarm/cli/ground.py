@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocols.errors import ExitCode
-from rsc_swarm.cli.app import ViewOptions, announce_compiling, app, examples, with_options
+from rsc_swarm.cli.app import ViewOptions, announce_compiling, app, examples, refuse_besides, with_options
 from rsc_swarm.cli.fly_alone import FleetFile
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 )
 @with_options
 def ground(
+    context: typer.Context,
     fleet: FleetFile,
     page: ViewOptions,
     do: Annotated[
@@ -48,6 +49,8 @@ def ground(
     """Watch a fleet on the air and give orders; nothing flies before preflight is green."""
     from rsc_swarm.air.plans import keys_of, read_plan
 
+    if check:
+        refuse_besides(context, "--check", "fleet", "out")
     plan = read_plan(fleet)
     if check:
         from rsc_swarm.air.radios import radios_of

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rsc_swarm.cli.app import app, examples
+from rsc_swarm.cli.app import app, examples, refuse_besides
 
 
 @app.command(
@@ -14,6 +14,7 @@ from rsc_swarm.cli.app import app, examples
     )
 )
 def keys(
+    context: typer.Context,
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Where to put a file for the world and one for each drone.")
     ],
@@ -40,6 +41,7 @@ def keys(
 ) -> None:
     """Make the keys of a swarm, once for all its flights: certificates and passwords for the world and for every drone."""
     if fleet:
+        refuse_besides(context, "--fleet", "folder", "days", "overwrite")
         _fleet_keys(folder, fleet, days, overwrite)
         return
     from rsc_swarm.flight.key_files import HERE, make_key_files

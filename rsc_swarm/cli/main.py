@@ -64,11 +64,11 @@ def _carry_out(words: list[str]) -> int:
     except Exception as error:
         if os.environ.get("RSC_SWARM_TRACEBACK"):
             raise
-        from protocols.printable import printable
+        from protocols.printable import one_line
         from rsc_swarm.errors import line_of
 
         code, text = _explain(error)
-        print(line_of(error, printable(text)), file=sys.stderr)
+        print(line_of(error, one_line(text)), file=sys.stderr)
     return code if isinstance(code, int) else ExitCode.SUCCEEDED
 
 
@@ -86,13 +86,12 @@ def _is_text(word: str) -> bool:
 
 
 def _explain(error: Exception) -> tuple[ExitCode, str]:
-    """Exit code and one line for an error."""
-    if hasattr(error, "format_message"):  # the option parser's
-        text = " ".join(error.format_message().split())
-        return ExitCode.BAD_USAGE, f"{text[:1].lower()}{text[1:]}"
-    text = " ".join(str(error).split())
+    """Exit code and what is said of an error."""
     if isinstance(error, SwarmError):
-        return error.exit_code, text
+        return error.exit_code, str(error)
+    if hasattr(error, "format_message"):  # the option parser's
+        text = error.format_message()
+        return ExitCode.BAD_USAGE, f"{text[:1].lower()}{text[1:]}"
     from rsc_swarm.machine.limits import lacking
 
     if lack := lacking(error):
@@ -101,8 +100,8 @@ def _explain(error: Exception) -> tuple[ExitCode, str]:
 
     if hidden := foreign_library():
         return ExitCode.BAD_USAGE, hidden
-    kind = type(error).__name__
-    return ExitCode.BROKEN, f"unexpected {kind}: {text[:160]} (set RSC_SWARM_TRACEBACK=1 to see where)"
+    said = f"{type(error).__name__}: {error}"[:160]
+    return ExitCode.BROKEN, f"unexpected {said} (set RSC_SWARM_TRACEBACK=1 to see where)"
 
 
 if __name__ == "__main__":

@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from protocols.mission.document import Mission, MissionError
+from protocols.mission.document import Mission
 from protocols.whole_file import WriteError
+from rsc_swarm.cli.output import check_place
 from rsc_swarm.machine.leaving import passing_folder
 
 if TYPE_CHECKING:
@@ -24,14 +25,13 @@ class McapOutput:
         """Refuse one that could not be written, before anything is flown.
 
         Raises:
-            MissionError: it names no file in a directory that exists.
+            protocols.mission.document.MissionError: as `check_place`.
             rsc_swarm.show.foxglove.file.McapError: what writes such files is missing.
         """
         self._file = given
         if given is None:
             return
-        if given.is_dir() or not given.absolute().parent.is_dir():
-            raise MissionError(f"--mcap {given}: give a file in a directory that exists")
+        check_place("--mcap", given)
         from rsc_swarm.show.foxglove.file import check_mcap
 
         check_mcap()

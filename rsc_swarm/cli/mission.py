@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rsc_swarm.cli.app import app, examples, with_options
+from rsc_swarm.cli.app import app, examples, refuse_besides, with_options
 from rsc_swarm.missions import SHIPPED, shipped_missions
 from rsc_swarm.options import MissionOptions, resolve
 
@@ -18,6 +18,7 @@ from rsc_swarm.options import MissionOptions, resolve
 )
 @with_options
 def mission(
+    context: typer.Context,
     options: MissionOptions,
     check: Annotated[bool, typer.Option("--check", help="Only say whether it can be flown.")] = False,
     shipped: Annotated[
@@ -26,6 +27,7 @@ def mission(
 ) -> None:
     """Print the mission these options make, every field, as YAML; refuse one that cannot be flown."""
     if shipped:
+        refuse_besides(context, "--list")
         for name in shipped_missions():
             print(f"{name:<16} {about(name)}")
         return

@@ -1,11 +1,28 @@
-"""``--json``: where the figures of a command go, besides the terminal."""
+"""Where what a command makes goes, besides the terminal: ``--json`` and other files."""
 
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TextIO
 
 from protocols.mission.document import MissionError
-from protocols.whole_file import write_whole
+from protocols.whole_file import is_no_file, keep_all, write_whole
+
+
+def check_place(option: str, file: Path) -> None:
+    """Refuse a file that could not be written, before anything is flown.
+
+    Raises:
+        MissionError: it is none in a directory that exists.
+    """
+    try:
+        is_no_file(file)
+        there = not file.is_dir() and file.absolute().parent.is_dir()
+    except OSError:  # links in a circle, a name that is too long
+        there = False
+    if not there:
+        raise MissionError(f"{option} {file}: give a file in a directory that exists")
 
 
 class JsonOutput:
@@ -15,20 +32,23 @@ class JsonOutput:
         """Refuse one that could not be written, before anything is flown.
 
         Raises:
-            MissionError: it names no file in a directory that exists.
+            MissionError: as `check_place`.
         """
         self._to_stdout = given == "-"
-        self.file = None if given in (None, "-") else Path(given)
-        if self.file is None:
-            return
-        absolute = self.file.absolute()
-        if absolute.is_dir() or not absolute.parent.is_dir():
-            raise MissionError(f"--json {given}: give a file in a directory that exists, or - for stdout")
+        self._file = None if given in (None, "-") else Path(given)
+        if self._file:
+            check_place("--json", self._file)
 
     @property
     def beside(self) -> TextIO:
         """Where text for people goes: not to stdout if the JSON does."""
         return sys.stderr if self._to_stdout else sys.stdout
+
+    def journal(self, code: str) -> Path | None:
+        """Where what is flown under this fingerprint is kept meanwhile: beside the file, if it is one and no pipe or device."""
+        from rsc_swarm.study.finished import journal_path
+
+        return journal_path(self._file, code) if self._file and not is_no_file(self._file) else None
 
     def write(self, text: str) -> None:
         """Write the JSON ``text`` where it was asked for.
@@ -38,5 +58,13 @@ class JsonOutput:
         """
         if self._to_stdout:
             print(text)
-        elif self.file:
-            write_whole(self.file, text + "\n")
+        elif self._file:
+            write_whole(self._file, text + "\n")
+
+    def tell(self, tell: Callable[[], object], text: str) -> None:
+        """Let ``tell`` print for people, and write the JSON ``text``; neither takes the other along.
+
+        Raises:
+            protocols.whole_file.WriteError: one of them cannot be written, or neither.
+        """
+        keep_all(tell, self.beside.flush, partial(self.write, text))

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from protocols.mission.document import Mission
+from rsc_swarm.cli.output import check_place
 from rsc_swarm.flight.events import end_of
 from rsc_swarm.flight.recorded import Recorded
 from rsc_swarm.flight.run_dir import RunDir
@@ -32,7 +33,12 @@ class Subject:
     @property
     def given(self) -> list[str]:
         """The options given, as one writes them."""
-        return [flag(entry.name) for entry in fields(self) if getattr(self, entry.name)]
+        return [flag(entry.name) for entry in fields(self) if getattr(self, entry.name) not in (None, ())]
+
+
+def several_asked(*given: str) -> PlotError:
+    """Who asks for these asks for more than one picture."""
+    return PlotError(f"{' '.join(given)}: these are different pictures; give one")
 
 
 def make(
@@ -48,21 +54,20 @@ def make(
             says what is wrong.
     """
     if len(subject.given) > 1:
-        raise PlotError(f"{' '.join(subject.given)}: these are different pictures; give one")
+        raise several_asked(*subject.given)
     others = [flag(name) for name in chosen(options)]
-    if others and subject.given and not subject.compare:
+    if others and subject.given and subject.compare is None:
         raise PlotError(
             f"{' '.join(others)}: {subject.given[0]} draws what was flown already; give the one or the other"
         )
-    default = f"{subject.given[0].removeprefix('--')}.png" if subject.given else "flight.png"
-    picture = out or (None if films else Path(default))
+    kind = "flight" if subject.run_dir or not subject.given else subject.given[0].removeprefix("--")
+    picture = out or (None if films else Path(f"{kind}.png"))
     files = [*films.items(), *([("out", picture)] if picture else [])]
     for name, file in files:
-        if file.is_dir() or not file.absolute().parent.is_dir():
-            raise PlotError(f"--{name} {file}: give a file in a directory that exists")
+        check_place(f"--{name}", file)
         if name != "out" and file.suffix.lower() not in ("", f".{name}"):
             raise PlotError(f"--{name} {file}: give a file that ends in .{name}")
-    if films and (subject.compare or subject.horizons or subject.letter or subject.curve):
+    if films and subject.given and not subject.run_dir:
         raise PlotError(f"--{next(iter(films))}: a film shows one flight; leave {subject.given[0]} out")
     if films:
         _show(
@@ -110,7 +115,7 @@ def _draw(options: MissionOptions, out: Path, subject: Subject) -> str:
         return f"{len(subject.curve)} training{'s' if len(subject.curve) > 1 else ''}"
     if subject.run_dir:
         tracks = [Recorded.load(RunDir(subject.run_dir))]
-    elif subject.compare:
+    elif subject.compare is not None:
         tracks = [_flown(mission) for mission in _sizes(options, subject.compare)]
     else:
         tracks = [_flown(resolve(options))]

@@ -87,13 +87,12 @@ def plot(
 ) -> None:
     """Draw a flight: every drone's path, the obstacles, the formation reached, or its film. Or a table, or a training."""
     announce_compiling()
-    from rsc_swarm.cli.pictures import Subject, make
+    from rsc_swarm.cli.pictures import Subject, make, several_asked
     from rsc_swarm.show.plots.film import Film
-    from rsc_swarm.show.plots.style import PlotError
 
     wanted: dict[Film, Path | None] = {"gif": films.gif, "mp4": films.mp4}
     asked = {kind: file for kind, file in wanted.items() if file}
     if run and run_dir:
-        raise PlotError(f"{run} --run-dir {run_dir}: these are different pictures; give one")
+        raise several_asked(str(run), f"--run-dir {run_dir}")
     subject = Subject(run or run_dir, compare, tables.horizons, tables.letter, tuple(curve or ()))
     make(options, out, subject, asked)

@@ -48,7 +48,6 @@ def insiders(
     from rsc_swarm.show.progress import Meter
     from rsc_swarm.show.render import console
     from rsc_swarm.study.fingerprint import name_of
-    from rsc_swarm.study.finished import journal_path
 
     names = attacks.split(",") if attacks else list(ATTACKS)
     if unknown := [name for name in names if name not in ATTACKS]:
@@ -58,9 +57,8 @@ def insiders(
         parse_mission({"agents": agents, "map_seed": seed + number, "seed": 1000 * (seed + number)})
         for number in range(maps)
     ]
-    book = None
-    if output.file:
-        book = FinishedTrials(journal_path(output.file, name_of(agents, seed)))
+    journal = output.journal(name_of(agents, seed))
+    book = FinishedTrials(journal) if journal else None
     total, meter, out = maps * len(names), Meter(), console(output.beside)
     tried: list[Trial] = []
     try:
@@ -74,10 +72,13 @@ def insiders(
         kept = "; they are kept, and the same command goes on from there" if book and tried else ""
         print(f"stopped after {len(tried)} of {total} flights{kept}", file=sys.stderr)
         raise typer.Exit(ExitCode.INTERRUPTED) from None
-    output.write(dumps([trial._asdict() for trial in tried], indent=2))
-    out.print(render(rows(tried)))
     good = passes(tried)
-    out.print("PASSED" if good else "FAILED: an honest drone was lost, or too few flights succeeded")
+
+    def tell() -> None:
+        out.print(render(rows(tried)))
+        out.print("PASSED" if good else "FAILED: an honest drone was lost, or too few flights succeeded")
+
+    output.tell(tell, dumps([trial._asdict() for trial in tried], indent=2))
     raise typer.Exit(ExitCode.SUCCEEDED if good else ExitCode.FAILED)
 
 

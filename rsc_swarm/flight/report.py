@@ -5,13 +5,13 @@ Every field says what it means; docs/report.md is made from here (``rsc-swarm sc
 
 import math
 from dataclasses import asdict, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from protocols.dynamics import TICK_S
 from protocols.mission.document import Mission
-from protocols.printable import Printable
+from protocols.printable import printable
 from protocols.wire.frames import REASONS
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.flight.policy_facts import policy_facts
@@ -19,6 +19,7 @@ from rsc_swarm.flight.provenance import Provenance, provenance
 from rsc_swarm.flight.words import agents_text, lost_text
 from world.outcome import Flown, Outcome
 
+Printable = Annotated[str, AfterValidator(printable)]
 Failure = Literal["collision", "late", "all-lost", "broken", "interrupted"]
 _NAMED = 3  # drones that were struck off, in the sentence about it
 

@@ -15,7 +15,7 @@ A directory that already holds a flight is used again only if that is asked for;
 import os
 import shutil
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,10 +28,9 @@ from protocols.foreign_file import read_file
 from protocols.mission.document import Mission, mission_yaml
 from protocols.mission.fault import Fault
 from protocols.mission.policy_name import file_of, named_by
-from protocols.printable import Printable
-from protocols.whole_file import WriteError, write_whole
+from protocols.whole_file import keep_all, write_whole
 from rsc_swarm.flight.events import End, events_of, json_lines
-from rsc_swarm.flight.report import FlightReport
+from rsc_swarm.flight.report import FlightReport, Printable
 from rsc_swarm.machine.abandoned import hold
 from world.outlets.trajectory import Trajectory
 
@@ -143,18 +142,10 @@ class RunDir:
         Raises:
             protocols.whole_file.WriteError: one of them cannot be written, or neither; the other is, if it can.
         """
-        unsaved: list[str] = []
-        saves: list[Callable[[], None]] = [
+        keep_all(
             partial(path.save, self.trajectory),
             lambda: write_whole(self.events, json_lines(events_of(path, mission, end))),
-        ]
-        for save in saves:
-            try:
-                save()
-            except WriteError as error:
-                unsaved.append(str(error))
-        if unsaved:
-            raise WriteError("; ".join(unsaved))
+        )
 
     def finish(self, report: FlightReport, text: str) -> None:
         """Write the report, for programs and for people.

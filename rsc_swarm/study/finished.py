@@ -21,6 +21,7 @@ from protocols.errors import SwarmError
 from protocols.wire.status import SWAP_COUNTS
 from rsc_swarm.study.workers import Flight, Seeds
 
+JOURNAL = ".journal.jsonl"  # how the name of one ends
 _FLIGHT = TypeAdapter(Flight)
 _Key = TypeVar("_Key", bound=Hashable)
 _Record = TypeVar("_Record")
@@ -120,4 +121,4 @@ class FinishedFlights(Journal[Seeds, Flight]):
 
 def journal_path(results: Path, code: str) -> Path:
     """Where what is flown under this fingerprint is kept while ``results`` is being made."""
-    return results.with_name(f"{results.stem}.{code}.journal.jsonl")
+    return results.with_name(f"{results.stem}.{code}{JOURNAL}")

@@ -157,8 +157,7 @@ def _crew(client: Any, on: str) -> Crew:
     except SwarmError:
         raise
     except Exception as error:
-        said = " ".join(str(error).split())
-        raise MachinesError(f"--on {on}: a worker cannot fly: {type(error).__name__}: {said}") from None
+        raise MachinesError(f"--on {on}: a worker cannot fly: {type(error).__name__}: {error}") from None
     for worker, code in codes.items():
         _check(worker, code, whole_fingerprint())
     return Crew(len(codes), _SameCodeExecutor(client.get_executor()))

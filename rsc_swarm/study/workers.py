@@ -208,8 +208,9 @@ def told_in_a_line() -> Iterator[None]:
     except Exception as error:
         if not isinstance(error, ConnectionError | TimeoutError) and (lack := lacking(error)):
             raise WorkerError(f"{lack}; run it again to go on") from None
-        said = " ".join(str(error).split())
-        raise WorkerError(f"a worker broke: {type(error).__name__}: {said}; run it again to go on") from error
+        raise WorkerError(
+            f"a worker broke: {type(error).__name__}: {error}; run it again to go on"
+        ) from error
 
 
 def _fly_elsewhere(

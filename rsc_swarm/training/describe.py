@@ -69,8 +69,11 @@ def _told(shape: tuple[int, ...] | None) -> str:
 
 def main() -> None:
     """Describe the files named on the command line."""
+    names = sys.argv[1:]
     try:
-        for name in sys.argv[1:]:
+        if not names:
+            raise ModelFileError("name the model files: python -m rsc_swarm.training.describe mine.onnx")
+        for name in names:
             note = describe(Path(name))
             print(f"{note_of(Path(name))}: {note.kind}, plans {note.horizon} ticks")
     except SwarmError as error:

@@ -26,6 +26,14 @@ class Hand(NamedTuple):
     pace: Pace | None = None
 
 
+def _once(fields: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The fields of a JSON object. Raises ValueError if one is said twice: nobody could tell which is meant."""
+    said = dict(fields)
+    if len(said) < len(fields):
+        raise ValueError("a field is said twice")
+    return said
+
+
 def read_hand(message: bytes) -> Hand:
     """``{"fault": {"kind": "kill", "agents": [3]}}``, or ``{"pace": {"speed": 0.5, "paused": false}}``.
 
@@ -33,7 +41,7 @@ def read_hand(message: bytes) -> Hand:
         HandError: it is neither.
     """
     try:
-        said = json.loads(message)
+        said = json.loads(message, object_pairs_hook=_once)
         if set(said) == {"fault"} and isinstance(said["fault"], dict) and "at_s" not in said["fault"]:
             return Hand(fault=said["fault"])
         speed, paused = said["pace"]["speed"], said["pace"]["paused"]

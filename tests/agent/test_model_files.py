@@ -1,6 +1,7 @@
 """Model files: what is no policy, is damaged or does not keep its word is refused in one line."""
 
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from agent.policy import PolicyError, find_policy, policy_names
 from agent.policy.model_file import SHIPPED, ModelFileError, note_of, shipped_models
 from protocols.mission.document import parse_mission
+from rsc_swarm.training import describe as describing
 from rsc_swarm.training.describe import describe
 from tests.models import random_model, saved, straight_on, written
 
@@ -68,6 +70,16 @@ def test_the_notes_of_shipped_models_say_what_their_files_say(tmp_path: Path) ->
         copy = shutil.copy(SHIPPED / f"{name}.onnx", tmp_path)
         describe(Path(copy))
         assert note_of(Path(copy)).read_text() == note_of(SHIPPED / f"{name}.onnx").read_text()
+
+
+def test_who_names_no_model_is_told_what_to_name(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["describe"])
+    with pytest.raises(SystemExit) as left:
+        describing.main()
+    assert left.value.code == 2
+    assert capsys.readouterr().err.startswith("name the model files: python -m rsc_swarm.training.describe")
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from protocols.wire.messages import (
     Refused,
     Reply,
     Wait,
+    Welcome,
     make_tick,
 )
 from tests.agent.drones import GOOD, ME, NOW, POLICY, WELCOME, drone, reply, sensed, ticked
@@ -33,7 +34,7 @@ class Script:
         if not self.said or timeout_s == 0.0:
             return None
         message = self.said.pop(0)
-        if message == WELCOME:
+        if isinstance(message, Welcome):
             message = WELCOME._replace(process=self.process)
         return messages.pack(message)
 
@@ -63,6 +64,17 @@ def test_a_drone_says_hello_flies_and_takes_its_leave() -> None:
     assert world.kinds == [Hello, Ready, Reply, Ready, Reply, Farewell]
     assert world.answered == [0, 1]
     assert {message.process for message in world.heard} == {world.process}
+
+
+@pytest.mark.parametrize("slots", [b"", bytes(5), bytes(6), bytes(range(7)), bytes(range(1, 7))])
+def test_a_world_that_gives_no_slot_to_each_drone_is_refused(slots: bytes) -> None:
+    with pytest.raises(LinkError, match="the world welcomes drone 2 to a swarm of 6 drones"):
+        fly(Script(WELCOME._replace(initial_slots=slots)), ME, POLICY, lambda: False)
+
+
+def test_a_world_whose_mission_a_drone_is_not_in_is_refused() -> None:
+    with pytest.raises(LinkError, match="the world welcomes drone 6 to a swarm of 6 drones"):
+        fly(Script(WELCOME), 6, POLICY, lambda: False)
 
 
 def test_a_drone_repeats_its_hello_until_it_is_welcomed_and_leaves_a_silent_world() -> None:

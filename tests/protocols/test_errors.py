@@ -51,3 +51,8 @@ def test_an_error_has_an_exit_code(error: type[Exception]) -> None:
         assert error.exit_code is ExitCode.INTERRUPTED
         return
     assert error.exit_code is (ExitCode.BROKEN if issubclass(error, BrokenError) else ExitCode.BAD_USAGE)
+
+
+@pytest.mark.parametrize("error", [SwarmError, BrokenError, *SwarmError.__subclasses__()])
+def test_an_error_is_one_line_that_a_terminal_can_show(error: type[SwarmError]) -> None:
+    assert str(error("a\n b.yaml: \x1b[2J is\0 no file")) == r"a b.yaml: \x1b[2J is\x00 no file"

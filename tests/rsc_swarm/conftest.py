@@ -1,11 +1,13 @@
-"""Launchers that tests tell a story to (tests.rsc_swarm.stories), in a folder of their own."""
+"""The command in this process; and launchers that tests tell a story to (tests.rsc_swarm.stories), in a folder of their own."""
 
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from rsc_swarm.cli import main as cli
 from tests.rsc_swarm.stories import launcher
 
 
@@ -43,3 +45,19 @@ def begin(here: Path) -> Iterator[Callable[[str], "subprocess.Popen[str]"]]:
     for process in begun:
         process.kill()
         process.communicate()
+
+
+@pytest.fixture
+def run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Run the command in this process; returns exit code, stdout and stderr."""
+
+    def run_it(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["rsc-swarm", *arguments])
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        said = capsys.readouterr()
+        return int(left.value.code or 0), said.out, said.err
+
+    return run_it

@@ -95,6 +95,13 @@ def test_a_policy_is_a_class_if_it_can_be_found_again():
         rs.mission(policy=Hidden)
 
 
+class Mute:
+    """Cannot say what it is."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError("mute")
+
+
 @pytest.mark.parametrize(
     ("asked", "line"),
     [
@@ -138,6 +145,16 @@ def test_a_policy_is_a_class_if_it_can_be_found_again():
         (lambda: rs.write_report("x.html", 3), "flight: give a Flight"),
         (lambda: rs.evaluate(rs.mission(), maps=0), "maps: give at least 1"),
         (lambda: rs.launch(rs.mission(policy="__main__:Mine")), "put the class into a module of its own"),
+        (lambda: rs.launch(rs.mission(), run_dir=""), "run_dir: give a path, not ''"),
+        (lambda: rs.launch(rs.mission(), run_dir=0), "run_dir: give a path, not 0"),
+        (lambda: rs.draw(rs.simulate(rs.mission(**SHORT)), None), "out: give a path, not nothing"),
+        (lambda: rs.draw(rs.simulate(rs.mission(**SHORT)), b"x.png"), "out: give a path, not b'x.png'"),
+        (
+            lambda: rs.write_report(rs.simulate(rs.mission(**SHORT)), "a\0b"),
+            r"out: give a path, not 'a\x00b'",
+        ),
+        (lambda: rs.mission("a\x1b[2J\n.yaml"), r"a\x1b[2J .yaml: no such file"),
+        (lambda: rs.mission(Mute()), "mission: give a file, a name or fields such as agents=25, not Mute"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(asked, line):
@@ -248,3 +265,10 @@ def test_a_swarm_of_more_drones_than_a_byte_can_name_swaps_and_agrees():
     report = rs.simulate(mission).report
     assert (report.agents, report.watch.breach) == (300, None)
     assert report.swaps.committed > 0
+
+
+def test_missions_may_come_in_an_array():
+    mission = rs.mission(**SHORT)
+    for array in (np.array(mission, dtype=object), np.array([mission], dtype=object)):
+        flown = rs.simulate(array)
+        assert [flight.report.digest for flight in flown] == [rs.simulate(mission).report.digest]

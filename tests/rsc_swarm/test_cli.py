@@ -13,27 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from rsc_swarm.cli import main as cli
 from rsc_swarm.flight.launch import RunBroken
 from rsc_swarm.flight.report import FlightReport
 from rsc_swarm.flight.run_dir import RunDir
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "rsc_swarm.cli.main"]
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Run the command in this process; returns exit code, stdout and stderr."""
-
-    def run_it(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rsc-swarm", *arguments])
-        with pytest.raises(SystemExit) as left:
-            cli.main()
-        said = capsys.readouterr()
-        return int(left.value.code or 0), said.out, said.err
-
-    return run_it
 
 
 def test_a_successful_flight_exits_with_0_and_tells_it_on_stdout(run):
@@ -131,6 +116,7 @@ def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
             "agent --agent 0 --connect tcp/localhost:1 --credentials /nowhere",
             "invalid value for '--credentials'",
         ),
+        ("agent --agent 250 --connect tls/a:1 --credentials pyproject.toml", "invalid value for '--agent'"),
         (
             "agent --agent 0 --connect tcp/10.0.0.1:7447 --credentials pyproject.toml",
             "tcp/10.0.0.1:7447 is plain text, which everybody on the way can read and change: make keys once",
@@ -154,6 +140,16 @@ def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
         ("keys x --world 10.0.0.1:7447", "'10.0.0.1:7447' is not an address of the world: give"),
         ("keys x --swarm a/b", "'a/b' is not a swarm name"),
         ("world", "invalid value: give --listen, where drones reach it"),
+        (
+            "keys x --fleet y --world z",
+            "invalid value: --fleet: --world says nothing beside it; leave it out",
+        ),
+        ("mission --list -n 4", "invalid value: --list: --agents says nothing beside it; leave it out"),
+        ("ground --fleet x --check --view --do go", "invalid value: --check: --do --view says nothing"),
+        ("bench --twins 1 --against x", "invalid value: --twins: --against says nothing beside it"),
+        ("bench --against /nowhere", "/nowhere: is no checkout of rsc-swarm"),
+        ("campaign --check x --flights 3", "invalid value: --check: --flights says nothing beside it"),
+        ("campaign plain --replay x", "invalid value: --replay: plain says nothing beside it"),
         ("nonsense", "no such command 'nonsense'"),
     ],
 )
@@ -326,9 +322,3 @@ def test_a_name_that_cannot_be_written_into_a_report_is_refused_before_anything_
     assert err == (
         f"rsc-swarm: {tmp_path}/r\\udce9: is no text in UTF-8, as which reports are written; give another name\n"
     )
-
-
-def test_of_two_flights_to_draw_neither_is_silently_left_out(run, tmp_path):
-    code, _, err = run("plot", "one", "--run-dir", "other")
-    assert code == 2
-    assert err == "rsc-swarm: one --run-dir other: these are different pictures; give one\n"

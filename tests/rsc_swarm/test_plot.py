@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from protocols.mission.document import Mission
+from protocols.mission.document import Mission, MissionError
 from protocols.whole_file import WriteError
 from rsc_swarm.cli import pictures as plot_command
 from rsc_swarm.cli.pictures import Subject
@@ -124,7 +124,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
         plot_command.make(MissionOptions(), tmp_path / "x.png", Subject(run_dir=tmp_path))
     with pytest.raises(PlotError, match=r"--map: --run-dir draws what was flown already"):
         plot_command.make(MissionOptions(map=3), tmp_path / "x.png", Subject(run_dir=tmp_path))
-    with pytest.raises(PlotError, match="give a file in a directory that exists"):
+    with pytest.raises(MissionError, match="give a file in a directory that exists"):
         plot_command.make(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
     with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
         plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.xyz", Subject())
@@ -182,7 +182,9 @@ def test_what_keeps_a_film_from_being_made_is_told_in_one_line(tmp_path, monkeyp
     assert not out.exists()
     with pytest.raises(PlotError, match=r"^--gif: a film shows one flight; leave --compare out$"):
         plot_command.make(MissionOptions(), None, Subject(compare="4,9"), {"gif": tmp_path / "x.gif"})
-    with pytest.raises(PlotError, match=r"^--gif .*nowhere/x.gif: give a file in a directory that exists$"):
+    with pytest.raises(
+        MissionError, match=r"^--gif .*nowhere/x.gif: give a file in a directory that exists$"
+    ):
         plot_command.make(MissionOptions(), None, Subject(), {"gif": tmp_path / "nowhere" / "x.gif"})
 
 

@@ -83,7 +83,7 @@ class Trajectory:
                 )
         # What a file can do to the readers of zip files and arrays has no base of its own.
         except Exception as error:
-            reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+            reason = getattr(error, "strerror", None) or error
             raise TrajectoryError(f"{path}: is not a recorded flight ({reason})") from None
 
     def save(self, path: Path | str) -> None:

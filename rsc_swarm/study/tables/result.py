@@ -10,9 +10,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from protocols.errors import SwarmError
 from protocols.foreign_file import read_file
-from protocols.printable import Printable
 from protocols.whole_file import write_whole
 from rsc_swarm.flight.provenance import commit
+from rsc_swarm.flight.report import Printable
 from rsc_swarm.options import MissionOptions, command_line
 from rsc_swarm.study.evaluate import Evaluation
 from rsc_swarm.study.tables.rows import TABLES

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
+from agent.air.vehicle import VehicleAddressError
 from protocols.fleet.document import FleetError
 from rsc_swarm.air.bodies import vehicle_of
 from rsc_swarm.air.plans import read_plan
@@ -269,3 +270,9 @@ def test_what_cannot_be_is_one_line(
     told = capsys.readouterr().err.strip()
     assert why in told
     assert "\n" not in told
+
+
+def test_an_empty_body_is_none(tmp_path: Path) -> None:
+    """It was taken for no answer, and the body in the fleet file was led."""
+    with pytest.raises(VehicleAddressError):
+        vehicle_of(read_plan(fleet_file(tmp_path)), 0, "")

@@ -15,7 +15,7 @@ from rsc_swarm.campaign.budget import parse_budget
 from rsc_swarm.campaign.campaign import FlownTasks, fly, groups
 from rsc_swarm.campaign.flying import Plan, Tally
 from rsc_swarm.campaign.judging import Broken, Excused, judge
-from rsc_swarm.campaign.kept import Kept, KeptError, all_kept, fly_kept, keep
+from rsc_swarm.campaign.kept import Flown, Kept, KeptError, all_kept, fly_kept, keep
 from rsc_swarm.campaign.page import write_index
 from rsc_swarm.cli import main as cli
 from rsc_swarm.study.finished import FinishedFlightsError
@@ -218,6 +218,26 @@ def test_bad_usage_is_one_line(
         cli.main()
     assert left.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith(f"rsc-swarm: {line}")
+
+
+def test_the_folder_of_a_campaign_in_which_nothing_broke_can_be_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with FlownTasks(tmp_path, PLAN):
+        pass
+    monkeypatch.setattr(sys, "argv", ["rsc-swarm", "campaign", "--check", str(tmp_path)])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert not left.value.code
+    assert capsys.readouterr().out == "0 missions, none broke something\n"
+
+
+def test_what_a_kept_mission_says_of_itself_is_shown_and_not_obeyed(tmp_path: Path) -> None:
+    place = tmp_path / "a\x1b[2J.yaml"
+    place.write_text("# broke: \u202eall\nagents: 1\nfly_s: 0.1\n")
+    (kept,) = all_kept(tmp_path)
+    assert kept.broke == r"\u202eall"
+    assert str(Flown(kept, None, "")) == rf"{tmp_path}/a\x1b[2J.yaml: keeps all (it broke: \u202eall)"
 
 
 def test_without_hypothesis_one_line_says_what_to_install(

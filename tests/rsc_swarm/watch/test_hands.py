@@ -116,7 +116,8 @@ def test_by_the_clock_nothing_waits() -> None:
      b'{"pace": {"speed": NaN, "paused": true}}', b'{"pace": {"speed": 1, "paused": 1}}',
      b'{"pace": {"speed": "x", "paused": true}}', b'{"pace": {"speed": 1}}',
      b'{"pace": {"speed": 1%s, "paused": true}}' % (b"0" * 400),
-     b'{"pace": {"speed": true, "paused": true}}', b'{"fault": {}, "pace": {}}'],
+     b'{"pace": {"speed": true, "paused": true}}', b'{"fault": {}, "pace": {}}',
+     b'{"fault": {"kind": "kill", "kind": "freeze", "agents": [1]}}', b'{"pace": {"speed": 2, "speed": 1, "paused": true}}'],
 )  # fmt: skip
 def test_what_is_no_hand_is_refused(said: bytes) -> None:
     with pytest.raises(HandError, match="say a fault without its time, or a pace"):
