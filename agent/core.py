@@ -13,6 +13,7 @@ the same. Each tick, for every awake row:
 """
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ from protocols.slots.written import pack_slots
 from protocols.wire.planned import Planned, pack_plan
 from protocols.wire.sensed import Sensed
 from protocols.wire.status import SWAP_COUNTS, AgentStatus
+
+_counts_of = attrgetter(*SWAP_COUNTS)
 
 
 class Inputs(NamedTuple):
@@ -184,8 +187,6 @@ class AgentCore:
     def status(self, row: int, tick: int, rejected: tuple[int, ...]) -> AgentStatus:
         """Row ``row``'s account of itself; ``rejected`` counts bad frames per protocols.wire.frames.REASONS."""
         party = self._endpoints.endpoint[row]
-        fresh = tick - self._memory.heard_tick[row] <= self._rules.radio.memory_ticks
-        counts = tuple(int(getattr(party.counts, name)) for name in SWAP_COUNTS)
-        return AgentStatus(
-            int(party.slot), int(fresh.sum()), rejected, counts, int(party.digest), pack_slots(party.slot_of)
-        )
+        fresh = self._memory.heard_tick[row] >= tick - self._rules.radio.memory_ticks
+        heard, view = int(np.count_nonzero(fresh)), pack_slots(party.view)
+        return AgentStatus(party.slot, heard, rejected, _counts_of(party.counts), party.digest, view)

@@ -4,7 +4,7 @@ Almost always nothing changes: every digest heard equals one's own and no note s
 news; only those run their `SlotEndpoint`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -31,8 +31,14 @@ class SlotEndpoint(Protocol):
 
     stance: Stance
     counts: SwapCounts
-    slot_of: tuple[int, ...]  # agent -> slot
-    digest: int  # equal for equal knowledge
+
+    @property
+    def digest(self) -> int:
+        """Equal for equal knowledge."""
+
+    @property
+    def view(self) -> Sequence[int]:
+        """Agent -> slot; to be read before it hears or does more."""
 
     @property
     def slot(self) -> int:
@@ -108,6 +114,7 @@ class SlotEndpoints:
             make_endpoint(mission, int(agent), self._initial[row], boot, seals_of(int(agent)), relays)
             for row, agent in enumerate(me)
         ]
+        self._all, self._digest = np.arange(mission.agents), [-1] * len(me)  # as they are in `views`
         self._busy = boot > 0  # whether any party was busy when last looked at
         for row in range(len(me)):
             self._refresh(row)
@@ -125,11 +132,11 @@ class SlotEndpoints:
         """Copy the party's view into the arrays; True if it changed."""
         party, views = self.endpoint[row], self._views
         views.busy[row] = not party.quiet
-        if views.digest[row] == party.digest:
+        if self._digest[row] == party.digest:
             return False
-        views.digest[row] = party.digest
-        views.slot_of[row] = party.slot_of
-        views.occupant[row, views.slot_of[row]] = np.arange(len(party.slot_of))
+        self._digest[row] = views.digest[row] = party.digest
+        views.slot_of[row] = party.view
+        views.occupant[row, views.slot_of[row]] = self._all
         views.slot[row] = party.slot
         return True
 
@@ -138,14 +145,15 @@ class SlotEndpoints:
         rows, changed = np.flatnonzero(work.news), []
         if not len(rows):
             return ()
+        sender = air.frames.sender.data  # quicker to index
         starts, ends = work.inbox_start[rows].tolist(), work.inbox_start[rows + 1].tolist()
         news = zip(
             rows.tolist(), work.partner[rows].tolist(), work.vacated[rows].tolist(), starts, ends, strict=True
         )
         for row, partner, vacated, start, end in news:
             party, heard = self.endpoint[row], work.inbox[start:end]
-            for index, sender in zip(heard.tolist(), air.frames.sender[heard].tolist(), strict=True):
-                party.hear(air.note(index), sender, tick)
+            for index in heard.tolist():
+                party.hear(air.note(index), sender[index], tick)
             party.advance(tick)
             if vacated != NOBODY and party.may_vacate(vacated):
                 party.vacate(vacated, tick)
@@ -157,12 +165,11 @@ class SlotEndpoints:
         return tuple(changed)
 
     def write_notes(self, tick: int, sent: NDArray[np.bool_], air: Air, first: int) -> None:
-        """Where a sending row's note says more than its digest, put it into its frame row."""
+        """Put what the sending rows say about slots, where it may be more than their digest, into their frame rows."""
         if not self._busy:
             return
         for row in np.flatnonzero(sent & self._views.busy).tolist():
-            note = self.endpoint[row].note(tick)
-            if not (note.quiet and note.settled):
-                air.put_note(first + row, note)
-            self._refresh(row)
+            party = self.endpoint[row]
+            air.put_note(first + row, party.note(tick))
+            self._views.busy[row] = not party.quiet
         self._busy = bool(self._views.busy.any())

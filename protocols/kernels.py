@@ -40,6 +40,7 @@ if not COMPILED:
     np.seterr(all="ignore")  # as compiled: integers wrap around, and 1 / 0 is infinite, without a word
 
 _watching: list[Callable[["Kernel"], None]] = []
+_others_may_run = False
 
 
 @contextmanager
@@ -50,6 +51,18 @@ def compiling_watched(compiled: Callable[["Kernel"], None]) -> Iterator[None]:
         yield
     finally:
         _watching.remove(compiled)
+
+
+@contextmanager
+def others_may_run() -> Iterator[None]:
+    """Kernels that are called meanwhile let other threads of this process run. For who has rules work on several things side by
+    side, and nobody else look at them."""
+    global _others_may_run
+    _others_may_run = True
+    try:
+        yield
+    finally:
+        _others_may_run = False
 
 
 def kernel(function: F) -> F:
@@ -171,7 +184,7 @@ class _Form:
     """Runs this code with arguments like ``given``."""
 
     def __init__(self, code: MachineCode, given: tuple[Any, ...]) -> None:
-        self._function, self._result = linked(code), code.result
+        self._linked, self._result = linked(code), code.result
         kinds = [] if isinstance(code.result, str) else [_FORMATS[kind] for kind in _flat(code.result)]
         self._pack = struct.Struct("".join(map(_format_of, given)) + ("Q" if kinds else "")).pack
         self._read = struct.Struct("".join(kinds)).unpack
@@ -179,13 +192,14 @@ class _Form:
 
     def bound(self, given: tuple[Any, ...]) -> Callable[[], Any]:
         """A call with these arguments, for as long as they live."""
+        function = self._linked.beside_others if _others_may_run else self._linked.alone
         if isinstance(self._result, str):
-            return partial(self._function, self._pack(*_words(given)))
+            return partial(function, self._pack(*_words(given)))
         found = self._room()
         words = self._pack(*_words(given), ctypes.addressof(found))
 
         def call() -> Any:
-            self._function(words)
+            function(words)
             return _shaped(self._result, iter(self._read(found)))
 
         return call

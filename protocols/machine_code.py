@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Callable
 from functools import cache
+from itertools import count
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -19,6 +20,7 @@ _NUMBERS = {
 _C_TYPES = {
     "none": None, "bool": ctypes.c_bool, "int": ctypes.c_int64, "uint": ctypes.c_uint64, "float": ctypes.c_double,
 }  # fmt: skip
+_numbers = count()
 _libraries: list[Any] = []  # code is gone when its library is
 
 
@@ -65,14 +67,25 @@ def kind_of_processor() -> str:
     return str(llvm.get_default_triple())
 
 
-def linked(code: MachineCode) -> Callable[[bytes], Any]:
-    """The function, to be called with its words.
+class Linked(NamedTuple):
+    """A rule in this process, to be called with its words. alone: no other thread of Python's runs meanwhile, which costs least.
+    beside_others: they may."""
+
+    alone: Callable[[bytes], Any]
+    beside_others: Callable[[bytes], Any]
+
+
+def linked(code: MachineCode) -> Linked:
+    """Make it ready to run.
 
     Raises:
         RuntimeError: it needs something that is not in this process.
     """
     builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
-    library = builder.export_symbol(code.symbol).link(_linker(), f"rule-{len(_libraries)}")
+    library = builder.export_symbol(code.symbol).link(_linker(), f"rule-{next(_numbers)}")
     _libraries.append(library)
     result = _C_TYPES[code.result] if isinstance(code.result, str) else None
-    return ctypes.PYFUNCTYPE(result, ctypes.c_char_p)(library[code.symbol])
+    alone, beside_others = (
+        kind(result, ctypes.c_char_p)(library[code.symbol]) for kind in (ctypes.PYFUNCTYPE, ctypes.CFUNCTYPE)
+    )
+    return Linked(alone, beside_others)

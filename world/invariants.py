@@ -92,7 +92,7 @@ class Invariants:
         # By drone: its last account since it began and the tick of that; (tick, swaps) that it made lately.
         self._account: dict[int, tuple[int, AgentStatus]] = {}
         self._made_lately: defaultdict[int, deque[tuple[int, int]]] = defaultdict(deque)
-        self._swaps = 0
+        self._made = self._swaps = 0  # swaps that all accounts tell of: now, and at the last tick
         self._recent: deque[tuple[int, int]] = deque()
         self._most = 0
         # Both parties pause, so N drones make N/2 swaps a cooldown; each may besides close the ranks once.
@@ -117,6 +117,7 @@ class Invariants:
         self._changed = True
         before = self._status.get(agent)
         made = _made(status) - (_made(before) if before else 0)
+        self._made += made
         if made > 0:
             self._news.append((agent, tick))
             self._made_lately[agent].append((tick, made))
@@ -166,9 +167,9 @@ class Invariants:
         if not before or (status.view, status.slot) != (before.view, before.slot):  # those were looked at
             view = unpack_slots(status.view, self._agents)
             if not is_permutation(view):
-                return "permutation", f"believes {list(view)}"
+                return "permutation", f"believes {view.tolist()}"
             if view[agent] != status.slot:
-                return "own slot", f"says it holds slot {status.slot} and believes {list(view)}"
+                return "own slot", f"says it holds slot {status.slot} and believes {view.tolist()}"
         if status.heard >= self._agents:
             return "counts", f"hears {status.heard} others"
         numbers = (*status.swaps, *status.rejected)
@@ -250,10 +251,9 @@ class Invariants:
             self._calm = known and not self._differ
             return
         self._changed = False
-        total = sum(_made(status) for status in self._status.values())
-        if total > self._swaps:
-            self._recent.append((tick, total - self._swaps))
-        self._swaps = total
+        if self._made > self._swaps:
+            self._recent.append((tick, self._made - self._swaps))
+        self._swaps = self._made
         while self._recent and self._recent[0][0] <= tick - TICKS_PER_S:
             self._recent.popleft()
         in_a_second = sum(count for _, count in self._recent)

@@ -3,8 +3,6 @@
 Drones of one process share the rows instead of packing and unpacking them; the rows hold exactly what the wire would carry.
 """
 
-from functools import lru_cache
-
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +31,16 @@ class Air:
         self.frames = empty_frames(rows, self.tag)
         self._agents = agents
         self._writer = FrameWriter(self.frames)
+        self._loud = self.frames.loud.data  # quicker to index
         self._notes: dict[int, SlotNote] = {}
 
     def note(self, row: int) -> SlotNote:
         """What the frame says about slots."""
-        return (
-            self._notes[row]
-            if self.frames.loud[row]
-            else SlotNote(int(self.frames.digest[row]), settled=True)
-        )
+        return self._notes[row] if self._loud[row] else SlotNote(int(self.frames.digest[row]), settled=True)
 
     def put_note(self, row: int, note: SlotNote) -> None:
         """Let the frame say this about slots."""
-        self.frames.digest[row], self.frames.loud[row] = note.digest, not (note.quiet and note.settled)
+        self.frames.digest[row], self._loud[row] = note.digest, not (note.settled and note.quiet)
         self._notes[row] = note
 
     def read_note(self, row: int, data: bytes) -> None:
@@ -84,10 +79,5 @@ class Air:
         relayed = RELAYED_BYTES * (self.frames.version[rows] == RELAYING)
         sizes = np.where(sent, FIXED.itemsize + KNOWN_BYTES * known + relayed, 0)
         for row in np.flatnonzero(sent & (self.frames.loud[rows] > 0)).tolist():
-            sizes[row] += _packed_size(self._notes[first + row])
+            sizes[row] += len(self._packed_note(first + row))
         return sizes
-
-
-@lru_cache(maxsize=1024)  # a note is said again and again until it is answered, or all have heard it
-def _packed_size(note: SlotNote) -> int:
-    return len(msgpack.packb(encode(note)))

@@ -57,7 +57,7 @@ class SlotParty:
     given a larger one than before, and `amnesiac=True`. `seals` are this agent's; without, stamps that are good enough within one
     process. `copy.copy` gives an independent twin.
 
-    To read: `slot_of` (agent -> slot), `digest` (64 bits, equal for equal knowledge), `stance`, `counts`.
+    To read: `stance`, `counts`.
     """
 
     def __init__(
@@ -85,7 +85,6 @@ class SlotParty:
         self._refusals: tuple[Refusal, ...] = ()
         self._shunned, self._shun_until = -1, 0  # who let its promise time out; tick
         self._acting: tuple[Swap, ...] = ()  # swaps that moved me
-        self._mirror()
 
     def __copy__(self) -> SlotParty:
         twin = SlotParty.__new__(SlotParty)
@@ -110,9 +109,24 @@ class SlotParty:
         )
 
     @property
+    def digest(self) -> int:
+        """64 bits, equal for equal knowledge."""
+        return self._gossip.book.digest
+
+    @property
+    def slot_of(self) -> tuple[int, ...]:
+        """Agent -> slot."""
+        return self.book.slot_of
+
+    @property
+    def view(self) -> Sequence[int]:
+        """As `slot_of`, to be read before the party hears or does more."""
+        return self.book.view
+
+    @property
     def slot(self) -> int:
         """My slot."""
-        return self.slot_of[self.me]
+        return self.book.view[self.me]
 
     @property
     def book(self) -> SlotBook:
@@ -144,13 +158,13 @@ class SlotParty:
         nonce = self._name()
         self._turn("propose")
         until = tick + self._rules.answer_ticks
-        slots = self.slot, partner, self.slot_of[partner]
+        slots = self.slot, partner, self.view[partner]
         self._deal = Deal(self.me, nonce, *slots, self.book.clock, 0, b"", tick, until)
         self.counts.proposed += 1
 
     def may_vacate(self, dead: int) -> bool:
         """True if this agent may take that one's slot now, if it is dead."""
-        slots = self.slot_of
+        slots = self.view
         op = Swap(1, self.me, 0, slots[self.me], dead, slots[dead], taken=True)
         free = (self.stance, "vacate") in TURNS
         return free and self._rules.allows(op) and len(self.book.taken_by(self.me)) < MAX_TAKEN
@@ -160,26 +174,26 @@ class SlotParty:
         self._check_other(dead, "vacate")
         if not self.may_vacate(dead):
             raise IllegalSwap(f"agent {self.me} may not take the slot of {dead}")
-        slots, counter = self.slot_of, self.book.counter_of_taking(self.me, dead)
+        slots, counter = self.view, self.book.counter_of_taking(self.me, dead)
         op = Swap(counter, self.me, self._name(), slots[self.me], dead, slots[dead], taken=True)
         self._commit(Sealed(op, self._seals.seal(pack_swap(op))), tick)
         self.counts.vacated += 1
 
     def hear(self, note: SlotNote, sender: int, tick: int) -> None:
         """A neighbour's note."""
-        if note.digest == self.digest and note[2:] == QUIET and self.stance is not Stance.AMNESIAC:
-            if note.settled and self.book.settled < self.book.count:
-                self._gossip.hear(note, sender, self.counts)
-                self._mirror()
+        gossip, book, amnesiac = self._gossip, self._gossip.book, self._gossip.amnesiac
+        if note.digest == book.digest and note[2:] == QUIET and not amnesiac:
+            if note.settled and book.settled < book.count:
+                gossip.hear(note, sender, self.counts)
             return
         if sender == self.me:
             return
         self.advance(tick)
-        known, settled = self.book.digest, self.book.settled
-        self._gossip.hear(note, sender, self.counts)
-        if self.stance is Stance.AMNESIAC and not self._gossip.amnesiac:
+        known, settled = book.digest, book.settled
+        gossip.hear(note, sender, self.counts)
+        if amnesiac and not gossip.amnesiac:
             self._turn("join")
-        if (self.book.digest, self.book.settled) != (known, settled):
+        if book.digest != known or book.settled != settled:
             self._look_again(tick)
         for answer in note.refusals:
             self._hear_refusal(answer, sender, tick)
@@ -201,19 +215,19 @@ class SlotParty:
         news = self._gossip.say(tick)
         deal = self._deal
         amnesiac = self._gossip.amnesiac
+        settled = self.book.settled == self.book.count
         if news is NO_NEWS and deal is None and not self._refusals and not amnesiac:
-            return self._quiet_note
+            return SlotNote(self.digest, settled)
         proposal = acceptance = None
         if deal is not None and self.stance is Stance.PROPOSING:
             proposal = Proposal(deal.partner, deal.nonce, deal.slot, deal.partner_slot, deal.clock)
         elif deal is not None:
             acceptance = Acceptance(deal.proposer, deal.nonce, deal.counter, deal.seal)
         refusals, self._refusals = self._refusals, ()
-        settled = self._quiet_note.settled
         return SlotNote(self.digest, settled, amnesiac, proposal, acceptance, refusals, *news)
 
     def _check_other(self, other: int, event: str) -> None:
-        if other == self.me or not 0 <= other < len(self.slot_of):
+        if other == self.me or not 0 <= other < len(self.view):
             raise IllegalSwap(f"agent {self.me} cannot exchange slots with {other}")
         if (self.stance, event) not in TURNS:
             raise IllegalSwap(f"cannot {event} while {self.stance.value}")
@@ -281,7 +295,7 @@ class SlotParty:
             self._refuse(self.me, answer.nonce)  # release whoever is promised to what I gave up
 
     def _weigh(self, proposal: Proposal, sender: int, tick: int) -> None:
-        deal, slots = self._deal, self.slot_of
+        deal, slots = self._deal, self.view
         renewed = self.stance is Stance.PROMISED and deal is not None and deal.proposer == sender
         if renewed and deal is not None and proposal.nonce <= deal.nonce:
             return  # the one I promised, or one before it that is late
@@ -311,7 +325,6 @@ class SlotParty:
 
     def _look_again(self, tick: int) -> None:
         """After the view may have changed: what becomes of my deal, and of the swaps I acted on."""
-        self._mirror()
         self._count_undone()
         deal = self._deal
         if deal is None:
@@ -320,7 +333,7 @@ class SlotParty:
             self._turn("see commit")
             self._deal = None
             self._cool_until = tick + self._rules.cooldown_ticks
-        elif self.slot_of[deal.proposer] != deal.slot or self.slot_of[deal.partner] != deal.partner_slot:
+        elif self.view[deal.proposer] != deal.slot or self.view[deal.partner] != deal.partner_slot:
             if self.stance is Stance.PROMISED:
                 self._refuse(deal.proposer, deal.nonce)
             else:
@@ -333,8 +346,3 @@ class SlotParty:
         acting = () if self.stance is Stance.AMNESIAC else tuple(mine)
         self.counts.undone += sum(op not in acting for op in self._acting)
         self._acting = acting
-
-    def _mirror(self) -> None:
-        book = self._gossip.book
-        self.digest, self.slot_of = book.digest, book.slot_of
-        self._quiet_note = SlotNote(book.digest, settled=book.settled == book.count)

@@ -48,7 +48,7 @@ class SlotGossip:
         self.book = SlotBook(initial)
         self.amnesiac = amnesiac
         self._me, self._rules, self._seals = me, rules, seals
-        self._seals_of: dict[Swap, bytes] = {}
+        self._sealed: dict[Swap, Sealed] = {}  # by swap, all that are known
         self._had = 0 if amnesiac else 1 << me  # bit k: agent k has had exactly my swaps
         self._witnesses: frozenset[int] = frozenset()  # who remember, and had an amnesiac's swaps
         self._fresh: tuple[Swap, ...] = ()  # learned, not yet told
@@ -62,7 +62,7 @@ class SlotGossip:
     def __copy__(self) -> SlotGossip:
         twin = SlotGossip.__new__(SlotGossip)
         twin.__dict__.update(self.__dict__)
-        twin.book, twin._seals_of = self.book.copy(), dict(self._seals_of)
+        twin.book, twin._sealed = self.book.copy(), dict(self._sealed)
         return twin
 
     def state_key(self, tick: int) -> Hashable:
@@ -122,35 +122,35 @@ class SlotGossip:
             return NO_NEWS
         settled_ones = rules.repair_per_frame if teaching else int(repairing)
         ops = self._pick(settled_ones)
-        self._repair_left = max(self._repair_left - 1, 0)
-        self._teach_left = max(self._teach_left - 1, 0)
+        self._repair_left -= repairing
+        self._teach_left -= teaching
         if tallying:
-            self._tally_left = max(self._tally_left - 1, 0)
+            self._tally_left -= self._tally_left > 0
             self._tally_at = tick + rules.ack_ticks
-        sealed = tuple(Sealed(op, self._seals_of[op]) for op in ops)
-        return News(sealed, self._had if tallying else 0)
+        return News(tuple(map(self._sealed.__getitem__, ops)), self._had if tallying else 0)
 
     def _learn(self, swaps: tuple[Sealed, ...], counts: SwapCounts) -> None:
         """Of these, what is new and properly sealed."""
         good = []
         for swap in swaps:
-            if swap.op in self._seals_of:
+            if swap.op in self._sealed:
                 continue
             if not (self._rules.allows(swap.op) and swap.holds(self._seals)):
                 counts.unsealed += 1
             else:
                 good.append(swap)
-        self._enter(tuple(good))
+        if good:
+            self._enter(tuple(good))
 
     def _enter(self, swaps: tuple[Sealed, ...]) -> None:
         new = tuple(swap for swap in swaps if self.book.add(swap.op))
         if not new:
             return
-        self._seals_of.update(new)
+        self._sealed.update((swap.op, swap) for swap in new)
         self._fresh = (*(swap.op for swap in new), *self._fresh)
-        if len(self._seals_of) > self.book.count:  # one has made room for another
-            self._seals_of = {op: self._seals_of[op] for op in self.book.ops}
-            self._fresh = tuple(op for op in self._fresh if op in self._seals_of)
+        if len(self._sealed) > self.book.count:  # one has made room for another
+            self._sealed = {op: self._sealed[op] for op in self.book.ops}
+            self._fresh = tuple(op for op in self._fresh if op in self._sealed)
         self._repair_left = self._rules.repair_frames
         self._open_cursor = 0
         self._witnesses = frozenset()
@@ -164,7 +164,7 @@ class SlotGossip:
 
     def _hear_witness(self, sender: int) -> None:
         self._witnesses |= {sender}
-        if len(self._witnesses) >= min(_WITNESSES, len(self.book.slot_of) - 1):
+        if len(self._witnesses) >= min(_WITNESSES, len(self.book.view) - 1):
             self.amnesiac, self._witnesses = False, frozenset()
             self._start_tally()
 
@@ -173,27 +173,27 @@ class SlotGossip:
         if had != self._had:
             self._had = had
             self._tally_left = self._rules.ack_frames
-            if had == (1 << len(self.book.slot_of)) - 1:
+            if had == (1 << len(self.book.view)) - 1:
                 self.book.settle()
 
     def _pick(self, settled_ones: int) -> tuple[Swap, ...]:
         """The swaps of one note: those just learned, then the other open ones in rotation from the newest, and so many settled
         ones at least, in rotation from the newest."""
-        limit, book = self._rules.repair_per_frame, self.book
-        settled, unsettled = book.ops[: book.settled], book.ops[book.settled :]
-        settled_ones = min(settled_ones, len(settled))
+        limit, ops, settled = self._rules.repair_per_frame, self.book.ops, self.book.settled
+        unsettled, settled_ones = len(ops) - settled, min(settled_ones, settled)
         room = limit - min(settled_ones, 1) if unsettled else 0
-        if len(unsettled) <= room:
-            picked, self._fresh, self._open_cursor = list(unsettled[::-1]), (), 0
+        if unsettled <= room:
+            picked, self._fresh, self._open_cursor = [*reversed(ops[settled:])], (), 0
         else:
-            fresh = tuple(op for op in self._fresh if op >= unsettled[0]) if unsettled else ()
-            picked, self._fresh = list(fresh[:room]), fresh[room:]
+            first = ops[settled]
+            fresh = tuple([op for op in self._fresh if op >= first])
+            picked, self._fresh = [*fresh[:room]], fresh[room:]
             while len(picked) < room:
-                op = unsettled[-1 - self._open_cursor % len(unsettled)]
-                self._open_cursor = (self._open_cursor + 1) % len(unsettled)
+                op = ops[-1 - self._open_cursor % unsettled]
+                self._open_cursor = (self._open_cursor + 1) % unsettled
                 if op not in picked:
                     picked.append(op)
         for _ in range(min(settled_ones, limit - len(picked))):
-            picked.append(settled[-1 - self._settled_cursor % len(settled)])
-            self._settled_cursor = (self._settled_cursor + 1) % len(settled)
+            picked.append(ops[settled - 1 - self._settled_cursor % settled])
+            self._settled_cursor = (self._settled_cursor + 1) % settled
         return tuple(picked)

@@ -63,6 +63,11 @@ class VersionedParty:
         return (self.stance, self._key(), max(self._ready_at - tick, 0), self._repeat_left)
 
     @property
+    def view(self) -> Sequence[int]:
+        """As `SlotParty.view`."""
+        return self.slot_of
+
+    @property
     def slot(self) -> int:
         """My slot."""
         return self.slot_of[self.me]

@@ -22,11 +22,15 @@ The rules
 from __future__ import annotations
 
 import struct
+from array import array
 from bisect import bisect_left
 from collections.abc import Sequence
 from functools import lru_cache
 from hashlib import blake2b
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from protocols.slots.written import pack_slots
 
@@ -35,6 +39,7 @@ MAX_TAKEN = 16
 MAX_LEAP = 1 << 20
 """How far a counter may be ahead of what an agent knows."""
 _MASK = (1 << 64) - 1
+_SLOT = "H"  # 16 bits, as `array` has them
 
 
 class Swap(NamedTuple):
@@ -54,22 +59,23 @@ def pack_swap(op: Swap) -> bytes:
     return struct.pack("<7q", *op)
 
 
+@lru_cache(maxsize=1024)  # all drones of a process learn of the same swaps
 def hash_swap(op: Swap) -> int:
     """64 bits that are the same on every machine (Python's own hash is not)."""
     return int.from_bytes(blake2b(pack_swap(op), digest_size=8).digest(), "little")
 
 
-def is_permutation(numbers: Sequence[int]) -> bool:
+def is_permutation(numbers: Sequence[int] | NDArray[np.uint16]) -> bool:
     """Whether they are 0, 1, 2, ... in some order: an assignment that gives every slot to exactly one agent."""
-    return sorted(numbers) == list(range(len(numbers)))
+    return bool((np.sort(numbers) == np.arange(len(numbers))).all())
 
 
 class SlotBook:
-    """One agent's knowledge of the swaps. What costs much to copy is immutable, so `copy` is cheap.
+    """One agent's knowledge of the swaps.
 
     `initial[agent]` is the slot an agent starts in: any permutation.
 
-    To read: `slot_of` (agent -> slot) and `occupant` (slot -> agent) are the current fold; `digest`, 64 bits;
+    To read: `view` (agent -> slot), the current fold, which changes with the next swap; `digest`, 64 bits;
     `ops`, all swaps in order; `skipped`, those of them the fold skips; `settled`: so many of the first ones, as far as is known,
     everybody has had (new swaps among them unsettle those after them).
     """
@@ -77,23 +83,27 @@ class SlotBook:
     ops: tuple[Swap, ...]
     settled: int
     digest: int
-    occupant: tuple[int, ...]
+    view: array[int]
     skipped: frozenset[Swap]
-    slot_of: tuple[int, ...]
-    _initial: tuple[int, ...]  # agent -> slot
+    _initial: array[int]  # agent -> slot
     _agreed_clock: int  # the largest counter two have agreed to
     _takings: int  # so many of `ops` are taken slots
     _swaps_of: dict[int, tuple[Swap, ...]]  # agent -> those that name it, in order
     _last_of: dict[int, Swap]  # slot -> the last that names it
 
     def __init__(self, initial: Sequence[int]) -> None:
-        if not initial or not is_permutation(initial):
+        if not len(initial) or not is_permutation(initial):
             raise ValueError(f"not an assignment of agents to as many slots: {initial}")
         self.digest = int.from_bytes(blake2b(pack_slots(initial), digest_size=8).digest(), "little")
-        self._initial, self.settled, self._agreed_clock = tuple(initial), 0, 0
+        self._initial, self.settled, self._agreed_clock = array(_SLOT, initial), 0, 0
         self.ops = ()
         self._index_all(())
         self._replay()
+
+    @property
+    def slot_of(self) -> tuple[int, ...]:
+        """Agent -> slot, as it is now."""
+        return tuple(self.view)
 
     @property
     def clock(self) -> int:
@@ -113,26 +123,25 @@ class SlotBook:
     def copy(self) -> SlotBook:
         twin = SlotBook.__new__(SlotBook)
         twin.__dict__.update(self.__dict__)
-        twin._swaps_of, twin._last_of = dict(self._swaps_of), dict(self._last_of)
+        twin.view, twin._swaps_of, twin._last_of = self.view[:], dict(self._swaps_of), dict(self._last_of)
         return twin
 
     def __contains__(self, op: Swap) -> bool:
         at = bisect_left(self.ops, op)
-        return at < len(self.ops) and self.ops[at] == op
+        return self.ops[at : at + 1] == (op,)
 
     def add(self, op: Swap) -> bool:
         """Learn of a swap; True if the history has changed. ValueError, and no change, if it names what does not exist."""
         self._check(op)
-        if op in self or (op.taken and op.counter > self._agreed_clock + MAX_LEAP):
+        ops, at = self.ops, bisect_left(self.ops, op)
+        if ops[at : at + 1] == (op,) or (op.taken and op.counter > self._agreed_clock + MAX_LEAP):
             return False
-        ops = self.ops
         if op.taken and len(taken := self.taken_by(op.agent_a)) >= MAX_TAKEN:
             if op > taken[-1]:
                 return False
-            ops = tuple(other for other in ops if other != taken[-1])
+            ops = tuple(other for other in ops if other != taken[-1])  # which came after this one
             self.digest = (self.digest - hash_swap(taken[-1])) & _MASK
             self._index_all(ops)
-        at = bisect_left(ops, op)
         self.digest = (self.digest + hash_swap(op)) & _MASK
         if not op.taken:
             self._agreed_clock = max(self._agreed_clock, op.counter)
@@ -175,18 +184,14 @@ class SlotBook:
 
     def _go_on(self, op: Swap) -> None:
         """The common case: those after the new swap know nothing of its slots, so the fold goes on from where it stands."""
-        occupant, slot_of = list(self.occupant), list(self.slot_of)
-        if _apply(occupant, slot_of, op):
-            self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
-        else:
-            self.skipped = self.skipped | {op}
+        if not _apply(self.view, op):
+            self.skipped |= {op}
 
     def _replay(self) -> None:
         """Fold all of them from the start."""
         ops, void = self.ops, _void(self.ops)
-        occupant, slot_of = list(_inverse(self._initial)), list(self._initial)
-        self.skipped = frozenset(op for op in ops if op in void or not _apply(occupant, slot_of, op))
-        self.occupant, self.slot_of = tuple(occupant), tuple(slot_of)
+        self.view = self._initial[:]
+        self.skipped = frozenset(op for op in ops if op in void or not _apply(self.view, op))
 
     def _index_all(self, ops: Sequence[Swap]) -> None:
         """Find these, and no others."""
@@ -198,11 +203,12 @@ class SlotBook:
         """Find this swap by its agents and its slots, too."""
         self._takings += op.taken
         for agent in (op.agent_a, op.agent_b):
-            swaps = self.swaps_of(agent)
+            swaps = self._swaps_of.get(agent, ())
             at = bisect_left(swaps, op)
             self._swaps_of[agent] = (*swaps[:at], op, *swaps[at:])
         for slot in (op.slot_a, op.slot_b):
-            self._last_of[slot] = max(op, self._last_of.get(slot, op))
+            if self._last_of.get(slot, op) <= op:
+                self._last_of[slot] = op
 
 
 def _void(ops: Sequence[Swap]) -> frozenset[Swap]:
@@ -217,18 +223,9 @@ def _void(ops: Sequence[Swap]) -> frozenset[Swap]:
     return frozenset(void)
 
 
-def _apply(occupant: list[int], slot_of: list[int], op: Swap) -> bool:
-    """Fold one swap into both in place; False if it is skipped."""
-    if occupant[op.slot_a] != op.agent_a or occupant[op.slot_b] != op.agent_b:
+def _apply(slot_of: array[int], op: Swap) -> bool:
+    """Fold one swap into it in place; False if it is skipped."""
+    if slot_of[op.agent_a] != op.slot_a or slot_of[op.agent_b] != op.slot_b:
         return False
-    occupant[op.slot_a], occupant[op.slot_b] = op.agent_b, op.agent_a
     slot_of[op.agent_a], slot_of[op.agent_b] = op.slot_b, op.slot_a
     return True
-
-
-@lru_cache(maxsize=64)  # where all swarms in this process begin
-def _inverse(permutation: tuple[int, ...]) -> tuple[int, ...]:
-    inverse = [0] * len(permutation)
-    for index, value in enumerate(permutation):
-        inverse[value] = index
-    return tuple(inverse)

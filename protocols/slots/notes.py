@@ -144,7 +144,7 @@ def decode(obj: object, n_agents: int) -> SlotNote:
         slot_of = unpack_slots(packed, n_agents)
         if not is_permutation(slot_of):
             raise ValueError("an assignment is a permutation of all slots")
-        return Assignment(slot_of, *_ints(rest, (_COUNTER_END, n_agents)))
+        return Assignment(tuple(slot_of.tolist()), *_ints(rest, (_COUNTER_END, n_agents)))
 
     return SlotNote(
         digest,

@@ -6,6 +6,7 @@ history can be repeated by anybody and forged by nobody.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from hashlib import blake2b
 from typing import NamedTuple, Protocol
 
@@ -40,6 +41,7 @@ class Stamps:
         return seal == _stamp(agent, text)
 
 
+@lru_cache(maxsize=1024)  # as each of a thousand drones looks at every swap
 def _stamp(agent: int, text: bytes) -> bytes:
     return blake2b(text, key=b"agent-%d" % agent, digest_size=SEAL_BYTES).digest()
 

@@ -28,6 +28,7 @@ from protocols.wire.frames import FIXED
 from rsc_swarm.bench.batch import bench_batch
 from rsc_swarm.bench.echo import bare_echo
 from rsc_swarm.errors import NAMED, error_of
+from rsc_swarm.flight.in_process import fly
 from rsc_swarm.flight.launch import Launched, launch
 from rsc_swarm.flight.simulate import Simulation, simulate
 from rsc_swarm.machine.leaving import passing_folder
@@ -180,12 +181,8 @@ def _flights(mission: Mission, runs: int) -> dict[str, dict[str, Any]]:
 
 def _in_one_process(mission: Mission) -> dict[str, float]:
     """One flight of drones that share a process."""
-    simulation = Simulation([mission])
-    began = time.perf_counter()
-    while simulation.world.active.any():
-        simulation.tick()
-    per_tick = (time.perf_counter() - began) / simulation.clock
-    return {"real_time_factor": TICK_S / per_tick, "us_per_agent_tick": 1e6 * per_tick / mission.agents}
+    factor = fly(mission).real_time_factor
+    return {"real_time_factor": factor, "us_per_agent_tick": 1e6 * TICK_S / factor / mission.agents}
 
 
 def _flown(launched: list[Launched], echoes: list[float]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from protocols.closing import Closing
 from protocols.mission.document import Mission
 from protocols.wire.status import AgentStatus
 from rsc_swarm.flight.apart import Apart, is_own
+from rsc_swarm.flight.side_by_side import threads_for
 from rsc_swarm.flight.simulate import Simulation
 from rsc_swarm.machine.leaving import Leave
 from world.core import Answers, Inbox, WorldCore
@@ -32,7 +33,8 @@ def flown_by(
         world.field.FieldError, PolicyError: it cannot be flown.
     """
     if not is_own(mission.policy):
-        simulation = Simulation([mission], rehearsal, watched=watched)
+        threads = threads_for(mission.agents)
+        simulation = Simulation([mission], rehearsal, watched=watched, threads=threads)
         yield simulation.director, simulation
         return
     world = WorldCore([mission], watched)

@@ -3,8 +3,10 @@
 The outcome is the same whatever is watched or recorded, and the same as ``rsc-swarm launch`` has in lockstep.
 """
 
+import gc
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from world.outlets.snapshot import Snapshot, snapshot
 _SHOW_EVERY_S = 1 / 8
 _SHOW_TICKS = 200  # and at least this often
 _LOOK_EVERY = 5  # ticks between two looks at the wall clock
+_COLLECT_AFTER = 100_000  # objects more; a tick leaves no cycles behind, and looking for some costs a crowd a tenth of its flight
 
 
 def fly(
@@ -50,6 +53,7 @@ def fly(
     wrong: PolicyError | None = None
     with (
         leave_when_asked() as leave,
+        _rarely_collecting(),
         flown_by(mission, leave, watched=onlooker is not None) as (director, drones),
     ):
         core = director.core
@@ -92,6 +96,17 @@ def fly(
             raise wrong
         went_wrong(wrong)
     return flown
+
+
+@contextmanager
+def _rarely_collecting() -> Iterator[None]:
+    """Meanwhile Python looks less often for objects that hold each other."""
+    usual = gc.get_threshold()
+    gc.set_threshold(max(usual[0], _COLLECT_AFTER) if usual[0] else 0, *usual[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)
 
 
 def fly_in_step(missions: Sequence[Mission], recorders: Sequence[Recorder]) -> list[Flown]:

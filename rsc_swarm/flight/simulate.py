@@ -10,12 +10,13 @@ from weakref import proxy
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.core import AgentCore, Inputs
+from agent.core import Inputs
 from agent.radio.air import Air
 from protocols.mission.document import Mission
 from protocols.wire.frames import REASONS
 from protocols.wire.status import AgentStatus, is_due
 from rsc_swarm.flight.policy_facts import policy_facts
+from rsc_swarm.flight.side_by_side import drones_of
 from world.core import Answers, Inbox, WorldCore
 from world.director import Director
 from world.faults import Event
@@ -27,7 +28,7 @@ ROWS = 600  # drones in step: more would hardly be faster, and flights would end
 
 
 class Simulation:
-    """E worlds of N drones, all in step: the swarm of `world.director.Director` whose drones are rows of one AgentCore."""
+    """E worlds of N drones, all in step: the swarm of `world.director.Director` whose drones share a process."""
 
     def __init__(
         self,
@@ -36,6 +37,7 @@ class Simulation:
         telling: bool = False,
         watched: bool = False,
         both: bool = True,
+        threads: int = 1,
     ) -> None:
         """Make the worlds and the drones; for a ``rehearsal``, in a process that will fork, they open nothing.
 
@@ -43,6 +45,7 @@ class Simulation:
             watched, both: as WorldCore.
             telling: every drone gives an account of itself now and then, for a whole report of each flight. In several worlds
                 they else tell only what the invariants must know.
+            threads: that fly the drones.
 
         Raises:
             world.field.FieldError, agent.policy.PolicyError: as WorldCore and AgentCore.
@@ -54,7 +57,7 @@ class Simulation:
         self._air = Air(self.mission.swarm, agents, self.world.ring * self._rows)
         me = [agent for _ in missions for agent in range(agents)]
         initial = np.repeat(self.world.initial_slots, agents, axis=0)
-        self.agents = AgentCore(self.mission, me, initial, rehearsal=rehearsal)
+        self.agents = drones_of(self.mission, me, initial, rehearsal, threads)
         self._heard = np.zeros(self.world.inbox_size, np.int64)
         self._inputs = Inputs(
             np.ones(self._rows, np.bool_), self.world.sensed, self._air, self.world.inbox_start, self._heard

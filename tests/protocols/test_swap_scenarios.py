@@ -98,7 +98,7 @@ class Transcript:
     def _views(self) -> None:
         seen: dict[str, list[str]] = {}
         for party in self.swarm.living:
-            slots = " ".join(str(agent) for agent in party.book.occupant)
+            slots = " ".join(map(str, sorted(range(len(party.slot_of)), key=party.slot_of.__getitem__)))
             book = party.book
             view = f"occupants of slots 0, 1, ...: {slots}   swaps {book.count}, not settled {book.count - book.settled}"
             seen.setdefault(view, []).append(str(party.me))
