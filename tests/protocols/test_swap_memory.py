@@ -48,7 +48,7 @@ def test_the_quiet_cost_eleven_bytes_and_hear_nothing_new() -> None:
     before = b.state_key()
     tell(a, b)
     assert b.state_key() == before
-    assert a.note(5) is a.note(6)
+    assert a.note(5) == a.note(6) == note
 
 
 def test_who_missed_a_swap_is_told_after_one_exchange() -> None:
