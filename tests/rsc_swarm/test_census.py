@@ -33,6 +33,18 @@ def test_what_a_process_took_for_itself_grows_by_what_it_takes_and_not_by_a_file
     assert anonymous_bytes(os.getpid()) - before > 40_000_000, len(taken)
 
 
+def test_who_weighs_a_process_keeps_nothing_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    interned: list[str] = []
+    monkeypatch.setattr(sys, "intern", lambda name: interned.append(name) or name)
+    anonymous_bytes(os.getpid())
+    assert interned == []
+    sys._clear_type_cache()
+    before = sys.getallocatedblocks()
+    for _ in range(200):
+        anonymous_bytes(os.getpid())
+    assert sys.getallocatedblocks() - before < 20
+
+
 def test_nobody_has_the_number_of_a_process_that_is_gone() -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()

@@ -1,6 +1,8 @@
 """What is over takes no memory: none of it waits for the collector, which comes late."""
 
 import gc
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from weakref import ref
 
@@ -59,3 +61,22 @@ def test_launches_in_a_row_try_a_policy_anew_only_if_it_may_have_changed(
     warm_up_launch(mission)
     warm_up_launch(mission)
     assert rehearsed == [mission] * tried
+
+
+LAUNCHES = """
+import gc, sys
+from protocols.mission.document import parse_mission
+from rsc_swarm.flight.launch import launch
+mission = parse_mission({"agents": 3, "goal_x_m": 1e6, "obstacles": {"discs": []}, "fly_s": 1})
+for count in range(8):
+    launch(mission).whole()
+    sys._clear_type_cache()  # Python's own, which keeps a name of a few thousand attributes that were looked up
+    gc.collect()
+    print(sys.getallocatedblocks())
+"""
+
+
+def test_launches_in_a_row_leave_nothing_behind() -> None:
+    said = subprocess.run([sys.executable, "-c", LAUNCHES], capture_output=True, text=True, check=True).stdout
+    after = [int(line) for line in said.split()]
+    assert after[-1] - after[2] < 5, after
