@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from agent.observation import WIDE_SIZE
 from protocols.errors import SwarmError
-from protocols.foreign_file import read_file
+from protocols.foreign_file import opened_file, read_file
 from protocols.mission.document import explain
 from protocols.wire.frames import OBSERVATION_SIZE
 from protocols.wire.planned import LONGEST
@@ -101,7 +101,7 @@ def read_model(path: Path) -> Model:
         ModelFileError: one is missing or damaged, they do not belong together, or the note is foreign or of another version.
     """
     try:
-        with path.open("rb") as file:
+        with opened_file(path) as file:
             status = os.fstat(file.fileno())
     except OSError as error:
         raise ModelFileError(f"{path}: cannot be read ({error.strerror})") from None

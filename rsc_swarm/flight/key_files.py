@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from protocols.errors import BrokenError, SwarmError
+from protocols.foreign_file import opened_file
 from protocols.whole_file import WriteError, write_whole
 from protocols.wire import certificates
 from protocols.wire.endpoints import is_secret, refuse_plain_text
@@ -242,7 +243,7 @@ def _make_private(folder: Path) -> None:
 def _read(file: Path, reader: Callable[[str], _Kind]) -> _Kind:
     """What ``reader`` makes of a file that is ours; one that is another's, root's say, was given to us to read."""
     try:
-        with file.open("rb") as opened:
+        with opened_file(file) as opened:
             found, data = os.fstat(opened.fileno()), opened.read(_LONGEST + 1)
         if len(data) > _LONGEST:
             raise KeyFileError(

@@ -182,9 +182,9 @@ class RunDir:
             raise RunDirError(f"{self.report}: is not the report of a flight") from None
 
     def _is_ours(self) -> bool:
-        if not self.mission.is_file():
-            return False
         try:
+            if not self.mission.is_file():
+                return False
             with self.mission.open(encoding="utf-8") as file:
                 return file.readline(len(_MARK)) == _MARK
         except (OSError, UnicodeDecodeError):

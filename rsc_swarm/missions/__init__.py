@@ -4,6 +4,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 SHIPPED = Path(__file__).parent
+_LONGEST = 100  # of a name that is told
 
 
 def shipped_missions() -> list[str]:
@@ -28,7 +29,8 @@ def mission_file(name: str) -> Path:
         if file.is_dir():
             raise MissionError(f"{name}: is a folder; give a mission file, such as mission.yaml in it")
     except OSError as error:
-        raise MissionError(f"{name[:40]}...: no file can be called so ({error.strerror})") from None
+        short = name if len(name) <= _LONGEST else f"{name[:_LONGEST]}..."
+        raise MissionError(f"{short}: cannot be looked at ({error.strerror})") from None
     like = get_close_matches(name, shipped, 1)
     meant = f"is {like[0]} meant? " if like else ""
     raise MissionError(f"{name}: no such file; {meant}shipped missions are {', '.join(shipped)}")

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.tensorboard import SummaryWriter
 
 from agent.policy.model_file import note_of
 from rsc_swarm.batch.model_inputs import ModelInputs, model_inputs
+from rsc_swarm.training.board import Board
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingConfig, TrainingError
 from rsc_swarm.training.elsewhere import fly_elsewhere
@@ -79,7 +79,7 @@ def _train(
         learner.restore(state["learner"])
     folder.refill(replay, len(curve) + bool(within))
     held_out = validation(config)
-    with SummaryWriter(str(folder.path), purge_step=len(curve)) as board:
+    with Board(folder.path, len(curve)) as board:
         while len(curve) < config.epochs and not (config.plateau and on_plateau(config, curve)):
             epoch = _Epoch(config, curve, learner, replay, folder, watcher, executor)
             scalars = epoch.run(within)
@@ -88,8 +88,7 @@ def _train(
                 scalars["validation_mae_m"] = learner.error_m(held_out)
             curve = [*curve, scalars]
             folder.save(curve, learner.state(), replay)
-            for name, value in scalars.items():
-                board.add_scalar(name, value, len(curve) - 1)
+            board.add(len(curve) - 1, scalars)
             watcher.epoch(scalars)
     export(learner.average, config, _recorded(config, replay), folder.model)
     folder.finish()

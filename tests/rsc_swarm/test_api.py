@@ -111,7 +111,7 @@ class Mute:
         (lambda: rs.simulate(rs.mission(policy="nothing")), "unknown policy 'nothing'"),
         (lambda: rs.mission("plane"), "plane: no such file; is plain meant? shipped missions are dense"),
         (lambda: rs.mission(str(ROOT)), "is a folder; give a mission file"),
-        (lambda: rs.mission("a" * 5000), "no file can be called so (File name too long)"),
+        (lambda: rs.mission("a" * 5000), "...: cannot be looked at (File name too long)"),
         (
             lambda: rs.mission({"agents": 4}),
             "give a file, a name or fields such as agents=25, not {'agents': 4}",

@@ -36,6 +36,13 @@ def test_a_link_that_leads_nowhere_is_refused_before_anything_is_flown(run, tmp_
         assert err == f"rsc-swarm: {words[1]} {circle}: give a file in a directory that exists\n"
 
 
+def test_a_name_that_no_flight_can_have_is_bad_usage(run):
+    for words in ("report", "plot", "replay"):
+        code, _, err = run(words, "x" * 300)
+        assert (code, err.count("\n")) == (2, 1)
+        assert "no flight recorded here" in err
+
+
 def test_what_broke_a_launch_of_the_bench_is_said(run):
     code, _, err = run("bench", "--agents", "300")
     assert code == 2

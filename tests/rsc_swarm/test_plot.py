@@ -1,6 +1,8 @@
 """The picture of a flight. That it looks good is for eyes; that it shows the flight is tested here."""
 
 import json
+import os
+import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -119,6 +121,29 @@ def test_a_recorded_flight_is_drawn_without_flying_it_again(tmp_path, capsys):
     assert capsys.readouterr().out == f"{tmp_path / 'run.png'}: 4 drones: interrupted\n"
 
 
+def test_settings_of_matplotlib_that_do_not_let_it_draw_are_told(tmp_path, monkeypatch):
+    env = {**os.environ, "MPLBACKEND": "nonsense"}
+    words = [sys.executable, "-m", "rsc_swarm", "plot", "--agents", "1", "--set", "fly_s=0.1"]
+    asked = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert asked.returncode == 2
+    assert "matplotlib cannot draw by its settings: look at MPLBACKEND" in asked.stderr.splitlines()[-1]
+
+    def unable(*_: object, **__: object) -> None:
+        raise RuntimeError("latex could not be found")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", unable)
+    with pytest.raises(PlotError, match=r"by its settings: .+ \(latex could not be found\)"):
+        plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.png", Subject())
+
+
+def test_who_draws_keeps_the_backend_that_was_chosen(tmp_path):
+    import matplotlib
+
+    with matplotlib.rc_context({"backend": "svg"}):
+        plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.png", Subject())
+        assert matplotlib.get_backend() == "svg"
+
+
 def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
     with pytest.raises(RunDirError, match="no flight recorded here"):
         plot_command.make(MissionOptions(), tmp_path / "x.png", Subject(run_dir=tmp_path))
@@ -126,7 +151,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path):
         plot_command.make(MissionOptions(map=3), tmp_path / "x.png", Subject(run_dir=tmp_path))
     with pytest.raises(MissionError, match="give a file in a directory that exists"):
         plot_command.make(MissionOptions(), tmp_path / "nowhere" / "x.png", Subject())
-    with pytest.raises(PlotError, match=r"cannot be written \(Format 'xyz' is not supported"):
+    with pytest.raises(PlotError, match=r"flight.xyz: give a file that ends in .png, .svg or .pdf"):
         plot_command.make(MissionOptions(agents=1, set=["fly_s=0.1"]), tmp_path / "flight.xyz", Subject())
     out = tmp_path / "flight.png"
     out.write_text("an earlier one")

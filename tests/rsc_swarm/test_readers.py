@@ -1,6 +1,7 @@
 """What is read back from files may be anything: it is understood, skipped, or refused in one line that names the file."""
 
 import json
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -11,6 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agent.policy.model_file import ModelFileError, read_model
+from protocols.fleet.document import FleetError, read_fleet
+from protocols.foreign_file import read_file
 from protocols.mission.document import Mission
 from protocols.mission.fields import Obstacles
 from protocols.wire.certificates import read_login
@@ -144,9 +148,28 @@ def test_a_journal_that_cannot_be_had_is_named(tmp_path: Path) -> None:
 def test_what_never_ends_is_refused(tmp_path: Path) -> None:
     for name in ("curve.jsonl", "table.json", "journal.jsonl"):
         (tmp_path / name).symlink_to("/dev/zero")
-    with pytest.raises(PlotError, match=r"curve.jsonl: cannot be read \(it is longer than 256 MiB\)"):
+    with pytest.raises(PlotError, match=r"curve.jsonl: cannot be read \(it is no file\)"):
         read_curve(tmp_path)
-    with pytest.raises(TableError, match=r"table.json: cannot be read \(it is longer than 256 MiB\)"):
+    with pytest.raises(TableError, match=r"table.json: cannot be read \(it is no file\)"):
         read_table(tmp_path / "table.json")
     with pytest.raises(FinishedFlightsError, match=r"journal.jsonl: is no file"):
         FinishedFlights(tmp_path / "journal.jsonl")
+
+
+def test_nobody_waits_for_what_a_pipe_may_bring(tmp_path: Path) -> None:
+    """Nobody writes into it, and so a command hung."""
+    for name in ("fleet.yaml", "agent-0.json", "model.onnx"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(FleetError, match=r"fleet.yaml: cannot be read \(it is no file\)"):
+        read_fleet(tmp_path / "fleet.yaml")
+    with pytest.raises(key_files.KeyFileError, match=r"agent-0.json: cannot be read \(it is no file\)"):
+        key_files.read_login(tmp_path / "agent-0.json", 0, "tls/a:1", plain_text=False)
+    with pytest.raises(ModelFileError, match=r"model.onnx: cannot be read \(it is no file\)"):
+        read_model(tmp_path / "model.onnx")
+
+
+def test_a_long_file_is_not_read_to_its_end(tmp_path: Path) -> None:
+    with (tmp_path / "long").open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(OSError, match="it is longer than 2 MiB"):
+        read_file(tmp_path / "long", 2 << 20)

@@ -4,8 +4,10 @@ import json
 
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from protocols.whole_file import WriteError
+from rsc_swarm.training.board import Board
 from rsc_swarm.training.checkpoint import TrainingFolder
 from rsc_swarm.training.config import TrainingError
 from rsc_swarm.training.dagger import train
@@ -67,3 +69,26 @@ def test_a_damaged_checkpoint_is_one_line(tiny, tmp_path, unexported, damage):
 def test_a_checkpoint_for_which_there_is_no_room_is_named(tiny, tmp_path, unexported):
     with pytest.raises(WriteError, match=r"\.pt: cannot be written \(File too large\)$"), full_disk(4096):
         train(tiny.model_copy(update={"epochs": 1}), tmp_path, "cpu", 1, Nobody())
+
+
+def test_tensorboard_shows_each_epoch_once_also_after_a_stop(tmp_path):
+    for first, values in ((0, [3.0, 2.0, 9.0]), (2, [1.0, 0.5])):
+        with Board(tmp_path, first) as board:
+            for epoch, value in enumerate(values, first):
+                board.add(epoch, {"loss": value})
+        (tmp_path / "later").mkdir(exist_ok=True)
+        for file in tmp_path.glob("events.*"):
+            file.rename(tmp_path / "later" / f"{file.name}.{first}")
+    shown = EventAccumulator(str(tmp_path / "later")).Reload().Scalars("loss")
+    assert [(point.step, point.value) for point in shown] == [(0, 3.0), (1, 2.0), (2, 1.0), (3, 0.5)]
+
+
+def test_curves_for_which_there_is_no_room_are_told_in_a_line(tmp_path, capfd):
+    with (
+        full_disk(0),
+        pytest.raises(WriteError, match=r"events\.out\..*: cannot be written \(File too large\)$"),
+    ):
+        Board(tmp_path, 0)
+    with pytest.raises(WriteError, match=r"nowhere/events.*: cannot be written"):
+        Board(tmp_path / "nowhere", 0)
+    assert capfd.readouterr().err == ""

@@ -28,6 +28,9 @@ LINES = (
 _DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 
 
+_SETTINGS = "matplotlib cannot draw by its settings: look at MPLBACKEND, MPLCONFIGDIR and matplotlibrc"
+
+
 class PlotError(SwarmError, RuntimeError):
     """No picture can be made; one line says why."""
 
@@ -41,16 +44,15 @@ def new_figure(width: float, height: float) -> Any:
     """An empty figure of this size, inches.
 
     Raises:
-        PlotError: matplotlib is missing.
+        PlotError: matplotlib is missing, or cannot be loaded.
     """
     try:
-        import matplotlib
+        import matplotlib.figure
     except ImportError:
         raise PlotError("plot needs matplotlib: pip install matplotlib") from None
-    matplotlib.use("Agg")
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height))
+    except Exception as error:  # what its settings can do to it has no base of its own
+        raise PlotError(f"{_SETTINGS} ({error})") from None
+    return matplotlib.figure.Figure(figsize=(width, height))
 
 
 def bare(axes: Any) -> None:
@@ -97,15 +99,15 @@ def save(figure: Any, out: Path) -> None:
     """Write ``figure`` into the file ``out``; its ending chooses the format.
 
     Raises:
-        PlotError: there is no such format. protocols.whole_file.WriteError: it cannot be written.
+        PlotError: there is no such format, or matplotlib cannot draw. protocols.whole_file.WriteError: it cannot be written.
     """
-    if out.is_dir() or not out.suffix:
+    made, kind = BytesIO(), out.suffix[1:].lower()
+    if out.is_dir() or kind not in figure.canvas.get_supported_filetypes():
         raise PlotError(f"--out {out}: give a file that ends in .png, .svg or .pdf")
-    if figure.get_layout_engine() is None:
-        figure.tight_layout()
-    made = BytesIO()
     try:
-        figure.savefig(made, format=out.suffix[1:].lower(), dpi=160, facecolor="white")
-    except ValueError as error:
-        raise PlotError(f"--out {out}: cannot be written ({str(error).splitlines()[0]})") from None
+        if figure.get_layout_engine() is None:
+            figure.tight_layout()
+        figure.savefig(made, format=kind, dpi=160, facecolor="white")
+    except Exception as error:
+        raise PlotError(f"--out {out}: {_SETTINGS} ({error})") from None
     write_whole(out, made.getvalue())
