@@ -13,6 +13,7 @@ from agent.radio.hearing import Hearing
 from agent.slot_endpoints import SealsOf
 from protocols.kernels import release_memory
 from protocols.mission.document import Mission, parse_briefing
+from protocols.slots.history import is_permutation
 from protocols.slots.seals import Stamps
 from protocols.wire import messages
 from protocols.wire.keys import LinkError
@@ -143,7 +144,7 @@ def seals_of(keys: SealKeys | None, agents: int, flight: bytes) -> SealsOf:
 
 def _check_welcome(initial_slots: bytes, agents: int, agent: int) -> None:
     """Raises LinkError if a world welcomes drone ``agent`` to no swarm of its kind."""
-    if agent >= agents or sorted(initial_slots) != list(range(agents)):
+    if agent >= agents or len(initial_slots) != agents or not is_permutation(list(initial_slots)):
         raise LinkError(
             f"the world welcomes drone {agent} to a swarm of {agents} drones with {len(initial_slots)} places; "
             "let it be of the same version, and fly a mission that this drone is in"

@@ -109,23 +109,21 @@ class SlotEndpoints:
     ) -> None:
         self._seals_of, self._relays = seals_of, relays
         self._mission, self._me, self._views = mission, me, views
-        self._initial = [[int(slot) for slot in row] for row in initial_slots]
-        self.endpoint = [
-            make_endpoint(mission, int(agent), self._initial[row], boot, seals_of(int(agent)), relays)
-            for row, agent in enumerate(me)
-        ]
+        self._initial = initial_slots
+        self.endpoint = [self._begin(row, boot) for row in range(len(me))]
         self._all, self._digest = np.arange(mission.agents), [-1] * len(me)  # as they are in `views`
         self._busy = boot > 0  # whether any party was busy when last looked at
         for row in range(len(me)):
             self._refresh(row)
 
+    def _begin(self, row: int, boot: int) -> SlotEndpoint:
+        agent, initial = int(self._me[row]), self._initial[row].tolist()
+        return make_endpoint(self._mission, agent, initial, boot, self._seals_of(agent), self._relays)
+
     def restart(self, row: int, boot: int) -> None:
         """The drone of this row lost its memory."""
         self._busy = True
-        agent = int(self._me[row])
-        self.endpoint[row] = make_endpoint(
-            self._mission, agent, self._initial[row], boot, self._seals_of(agent), self._relays
-        )
+        self.endpoint[row] = self._begin(row, boot)
         self._refresh(row)
 
     def _refresh(self, row: int) -> bool:
