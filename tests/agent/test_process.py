@@ -34,8 +34,8 @@ class Script:
         if not self.said or timeout_s == 0.0:
             return None
         message = self.said.pop(0)
-        if isinstance(message, Welcome):
-            message = WELCOME._replace(process=self.process)
+        if isinstance(message, Welcome) and message.process == WELCOME.process:
+            message = message._replace(process=self.process)
         return messages.pack(message)
 
     def use_datagrams(self, key: bytes) -> None:
