@@ -36,6 +36,7 @@ def fuzz(name: str, runs: int, seconds: int) -> str:
         f"-max_total_time={seconds}",
         f"-max_len={LONGEST_INPUT}",
         f"-timeout={HANGS_S}",
+        f"-report_slow_units={HANGS_S}",  # by the clock on the wall; `tests.fuzz.one` goes by the processor's
         f"-rss_limit_mb={MOST_MB}",
         f"-artifact_prefix={findings}/",
         "-print_final_stats=1",
