@@ -108,6 +108,11 @@ def _acceleration(mission: MissionFields) -> None:
 def _frame_rate(mission: MissionFields) -> None:
     rate = mission.radio.frame_rate_hz
     every = needs.frame_ticks(rate)
+    if every > (limit := needs.limit_ticks(mission)):
+        raise ValueError(
+            f"radio.frame_rate_hz: at {rate:g} Hz not every drone speaks in a flight of {limit * TICK_S:g} s; "
+            f"give at least {TICKS_PER_S / limit:.3g}"
+        )
     flown = TICKS_PER_S / every
     if abs(flown - rate) > RATE_TOLERANCE * rate:
         others = sorted(
@@ -116,11 +121,6 @@ def _frame_rate(mission: MissionFields) -> None:
         raise ValueError(
             f"radio.frame_rate_hz: {rate:g} Hz is no frame every so many ticks; the nearest are "
             f"{others[0]:.4g} and {others[1]:.4g}"
-        )
-    if every > (limit := needs.limit_ticks(mission)):
-        raise ValueError(
-            f"radio.frame_rate_hz: at {rate:g} Hz not every drone speaks in a flight of {limit * TICK_S:g} s; "
-            f"give at least {TICKS_PER_S / limit:.3g}"
         )
 
 

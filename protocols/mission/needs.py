@@ -19,8 +19,11 @@ _SLACK = 1.2  # of the usual time limit over the least: the way around obstacles
 
 
 def frame_ticks(rate_hz: float) -> int:
-    """Ticks from one frame of a drone to its next at the rate nearest to ``rate_hz`` that can be flown."""
-    return max(1, round(TICKS_PER_S / rate_hz))
+    """Ticks from one frame of a drone to its next at the rate nearest to ``rate_hz`` that can be flown.
+
+    However low the rate is: no more than one tick longer than the longest mission.
+    """
+    return max(1, round(min(TICKS_PER_S / rate_hz, ticks_of(LONGEST_S) + 1)))
 
 
 def way_ticks(radio: Radio) -> int:
