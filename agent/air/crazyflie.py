@@ -23,6 +23,7 @@ from protocols.wire.transport import COMMON, filled, leave
 from protocols.wire.vehicles import Account, Kind, Order, VehicleMessageError
 
 _SAY_S = 0.015  # between two orders: 50 Hz are followed, and what is said at 100 Hz is thinned out
+_TRY_S = 1.0  # to reach a radio host: who waits for one hears no signal meanwhile
 
 
 class CrazyflieVehicle(Ordered):
@@ -75,17 +76,20 @@ class CrazyflieVehicle(Ordered):
             **COMMON,
             "mode": "client",
             "connect/endpoints": [self._endpoint],
-            "connect/timeout_ms": round(1e3 * timeout_s),
+            "connect/timeout_ms": round(1e3 * min(timeout_s, _TRY_S)),
             "connect/exit_on_failure": True,
             "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
         }
-        try:
-            return zenoh.open(filled(zenoh.Config(), settings))
-        except zenoh.ZError as error:
-            raise VehicleError(
-                f"no radio host answers at {self._endpoint} within {timeout_s:g} s: start it with 'rsc-swarm radio', or name "
-                "another under options: {host: ...}"
-            ) from error
+        deadline = time.monotonic() + timeout_s
+        while True:
+            try:
+                return zenoh.open(filled(zenoh.Config(), settings))
+            except zenoh.ZError as error:
+                if time.monotonic() >= deadline - _TRY_S:
+                    raise VehicleError(
+                        f"no radio host answers at {self._endpoint} within {timeout_s:g} s: start it with 'rsc-swarm radio', or "
+                        "name another under options: {host: ...}"
+                    ) from error
 
     def _hear(self, sample: zenoh.Sample) -> None:
         with suppress(VehicleMessageError):

@@ -7,10 +7,13 @@ import typer
 
 from protocols.errors import ExitCode
 from protocols.wire.keys import MAX_AGENTS
-from rsc_swarm.cli.app import PlainText, announce_compiling, app, examples
+from rsc_swarm.cli.app import PlainText, announce_compiling, app, endpoints, examples
 
 Connect = Annotated[
-    str, typer.Option(metavar="ENDPOINT", help="Where the world listens, tls/ADDRESS:PORT say.")
+    str,
+    typer.Option(
+        metavar="ENDPOINT", callback=endpoints, help="Where the world listens, tls/ADDRESS:PORT say."
+    ),
 ]
 Policy = Annotated[
     str,

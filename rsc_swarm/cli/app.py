@@ -42,6 +42,19 @@ PlainText = Annotated[
 ]
 
 
+def endpoints(given: Any) -> Any:
+    """Of an option: an endpoint, several, or none. Raises typer.BadParameter if one is none."""
+    from protocols.wire.endpoints import checked_endpoint
+    from protocols.wire.keys import LinkError
+
+    try:
+        for endpoint in given if isinstance(given, list | tuple) else [given] if given is not None else []:
+            checked_endpoint(endpoint)
+    except LinkError as error:
+        raise typer.BadParameter(str(error)) from None
+    return given
+
+
 class Clock(StrEnum):
     """How fast the ticks come."""
 

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsc_swarm.cli.app import Clock, FlightOptions, PlainText, announce_compiling, app, examples, with_options
+from rsc_swarm.cli.app import (
+    Clock,
+    FlightOptions,
+    PlainText,
+    announce_compiling,
+    app,
+    endpoints,
+    examples,
+    with_options,
+)
 from rsc_swarm.options import MissionOptions
 
 if TYPE_CHECKING:
@@ -57,7 +66,9 @@ def world(
     listen: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="ENDPOINT", help="Where drones reach it, tls/ADDRESS:PORT say; may be repeated."
+            metavar="ENDPOINT",
+            callback=endpoints,
+            help="Where drones reach it, tls/ADDRESS:PORT say; may be repeated.",
         ),
     ] = None,
     keys: Annotated[

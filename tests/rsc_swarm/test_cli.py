@@ -139,6 +139,12 @@ def test_a_full_disk_loses_no_more_than_it_must(run, tmp_path, monkeypatch):
         ("keys /proc/new", "/proc/new: cannot be made"),
         ("keys x --world 10.0.0.1:7447", "'10.0.0.1:7447' is not an address of the world: give"),
         ("keys x --swarm a/b", "'a/b' is not a swarm name"),
+        ("world --listen tls/a --keys tests", "invalid value for '--listen': 'tls/a' is not an endpoint"),
+        (
+            "agent --agent 0 --connect tls/a --credentials pyproject.toml",
+            "invalid value for '--connect': 'tls/a' is not an endpoint",
+        ),
+        ("agents 0 --connect a:1 --credentials-dir tests", "invalid value for '--connect': 'a:1' is not"),
         ("world", "invalid value: give --listen, where drones reach it"),
         (
             "keys x --fleet y --world z",

@@ -1,7 +1,9 @@
 """What is wrong with the address of a Crazyflie is said before anything is opened, and what it is told when. Flights:
 tests/radiohost."""
 
-from types import SimpleNamespace
+import signal
+import time
+from types import FrameType, SimpleNamespace
 
 import pytest
 
@@ -26,6 +28,24 @@ def test_an_address_that_is_none_is_refused(where: str, options: dict[str, str],
     with pytest.raises(VehicleAddressError, match=why) as error:
         make_vehicle(f"crazyflie:{where}", Rig(0, (0.0, 0.0, 0.0), 1.0, 3.0, options=options))
     assert "\n" not in str(error.value)
+
+
+def test_who_looks_for_a_radio_host_can_be_asked_to_leave() -> None:
+    """It heard no signal for a minute."""
+
+    def asked(_: int, __: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    vehicle = CrazyflieVehicle("udp://127.0.0.1:19850", Rig(0, _STILL, 1.0, 3.0, dongle=99))
+    before = signal.signal(signal.SIGALRM, asked)
+    began = time.monotonic()
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(KeyboardInterrupt):
+            vehicle.open(30.0)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - began < 15.0
 
 
 def test_a_setpoint_takes_the_place_of_an_order_that_is_said_again(monkeypatch: pytest.MonkeyPatch) -> None:
