@@ -7,7 +7,7 @@ forks drones can know all this without opening the model.
 import hashlib
 import json
 import os
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -84,9 +84,10 @@ class Model(NamedTuple):
     data: bytes
 
 
-def shipped_models() -> list[str]:
+@cache
+def shipped_models() -> tuple[str, ...]:
     """Names of the models that come with the project."""
-    return sorted(path.stem for path in SHIPPED.glob("*.onnx"))
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.onnx")))
 
 
 def note_of(path: Path) -> Path:

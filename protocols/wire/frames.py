@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.kernels import inlined_kernel
-from protocols.wire.rows import bytes_of, put_bytes
+from protocols.wire.rows import bytes_of, put_bytes, room
 
 VERSION, RELAYING = 2, 3  # of a frame without and with relayed means
 MAX_FRAME_BYTES = 1600
@@ -95,10 +95,10 @@ class Frames(NamedTuple):
 
 def empty_frames(rows: int, tag: int = 0) -> Frames:
     """Room for ``rows`` frames of the swarm with this ``tag``."""
-    fixed = np.zeros(rows, FIXED)
+    fixed = room((rows,), FIXED)
     fixed["version"], fixed["tag"] = VERSION, tag
-    known, displacement = np.zeros((rows, MAX_KNOWN), np.uint16), np.zeros((rows, MAX_KNOWN, 2), np.float32)
-    relayed = np.zeros((rows, RELAYED, OBSERVATION_SIZE), np.int16)
+    known, displacement = room((rows, MAX_KNOWN), np.uint16), room((rows, MAX_KNOWN, 2), np.float32)
+    relayed = room((rows, RELAYED, OBSERVATION_SIZE), np.int16)
     assert FIXED.names is not None
     return Frames(
         fixed=fixed,

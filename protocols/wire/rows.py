@@ -1,11 +1,22 @@
 """Rows of arrays as the bytes they are made of, for copying to and from the wire, in Python and in kernels."""
 
+import math
+import mmap
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from protocols.kernels import inlined_kernel
+
+
+def room(shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+    """Zeros that take memory only where they are written to. NumPy's take it all where they come to lie in what was freed."""
+    count = math.prod(shape)
+    size = max(count * np.dtype(kind).itemsize, 1)
+    return np.frombuffer(mmap.mmap(-1, size, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS), kind, count).reshape(
+        shape
+    )
 
 
 def bytes_of(array: NDArray[Any]) -> memoryview:

@@ -15,7 +15,7 @@ from protocols.mission.document import parse_mission
 from protocols.wire.keys import user
 from protocols.wire.login import Login
 from rsc_swarm.flight.alone import refuse_unsealed, take_part
-from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
+from rsc_swarm.flight.processes import Exit, Start, Supervisor, be_drone
 from rsc_swarm.flight.warm_up import warm_up_drone
 from rsc_swarm.machine.census import age_s
 from rsc_swarm.machine.leaving import leave_when_asked
@@ -57,8 +57,9 @@ def fly_agents(
     warm_up_drone(parse_mission({"agents": 4, "policy": policy}))
     service, said = Service(), _Said()
     with leave_when_asked() as leave, Supervisor(_GRACE_S) as supervisor:
-        for login in logins:
-            supervisor.start(user(login.agent), _fly_one, login, endpoint, policy, join_s, said)
+        supervisor.start_all(
+            [Start(user(login.agent), _fly_one, (login, endpoint, policy, join_s, said)) for login in logins]
+        )
         service.ready(f"{len(logins)} drones, looking for the world at {endpoint}")
         ready, codes = False, list[int]()
         while supervisor.running:

@@ -23,7 +23,7 @@ from protocols.errors import BrokenError, ExitCode, SwarmError
 from protocols.mission.document import Mission
 from protocols.wire.login import Login
 from rsc_swarm.flight.busy import answer, busy_at, explained
-from rsc_swarm.flight.processes import Exit, Supervisor, be_drone
+from rsc_swarm.flight.processes import Exit, Start, Supervisor, be_drone
 from rsc_swarm.flight.socket_folder import RunFolder
 from rsc_swarm.flight.warm_up import warm_up_launch
 from rsc_swarm.flight.world_process import JOIN_S, NOTHING_INSIDE, Inside, be_world
@@ -121,28 +121,28 @@ class _Launch:
         self._so_far: Flown | None = None
         self._error: SwarmError | None = None
         self._busy: dict[int, str] = {}  # drone that was struck off -> where its policy was
-        self._start(_WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, *keeping)
+        self._supervisor.start(  # it may finish its record, and then removes the run's folder
+            _WORLD, be_world, mission, clock, self._credentials, folder.endpoint, theirs, *keeping,
+            log=self._log(_WORLD), at_launcher_death=signal.SIGCONT, run_folder=folder.path,
+        )  # fmt: skip
         theirs.close()
-        for agent in range(mission.agents):
-            self._start_agent(agent)
-
-    def _start(self, name: str, target: Callable[..., object], *args: object) -> None:
-        log = self._log(name)
-        if name == _WORLD:  # it may finish its record, and then removes the run's folder
-            self._supervisor.start(
-                name, target, *args, log=log, at_launcher_death=signal.SIGCONT, run_folder=self._folder.path
-            )
-        else:
-            self._supervisor.start(name, target, *args, log=log)
+        self._start_agents(*range(mission.agents))
 
     def _log(self, name: str) -> Path:
         return (self._logs or self._folder.path) / f"{name}.log"
 
-    def _start_agent(self, agent: int) -> None:
-        login, policy = self._credentials.login(agent), self._mission.policy
-        process = self._insiders.get(agent, _agent)
-        self._start(_name(agent), process, agent, self._folder.endpoint, login, policy)
-        self._tell("started", agent, self._supervisor.pid(_name(agent)))
+    def _start_agents(self, *agents: int) -> None:
+        starts = [
+            Start(
+                _name(agent),
+                self._insiders.get(agent, _agent),
+                (agent, self._folder.endpoint, self._credentials.login(agent), self._mission.policy),
+                self._log(_name(agent)),
+            )
+            for agent in agents
+        ]
+        for agent, pid in zip(agents, self._supervisor.start_all(starts), strict=True):
+            self._tell("started", agent, pid)
 
     def _tell(self, what: str, agent: int, value: object) -> None:
         with suppress(OSError):  # the world is gone; its pipe says so
@@ -248,7 +248,7 @@ class _Launch:
                     while name in self._supervisor.running:
                         self._report_ends(self._supervisor.wait(0.1, [name]))
                 if kind == "restart":
-                    self._start_agent(agent)
+                    self._start_agents(agent)
 
     def _weigh(self) -> float | None:
         """Mean proportional set size of the drones' processes, MB; None: none can be weighed."""

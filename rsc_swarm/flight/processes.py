@@ -20,7 +20,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, NoReturn, Self
@@ -98,6 +98,22 @@ def launcher_died() -> bool:
     return _launcher_pid != 0 and os.getppid() != _launcher_pid
 
 
+class Start(NamedTuple):
+    """A child that is to be: it calls ``target(*args)``.
+
+    name: who it is, in reports and in its log; one may be used again once its process has ended. log: where stdout and stderr
+    go (appended); None: where the launcher's go. at_launcher_death: what the kernel sends it then; SIGCONT (`leave_on_sigterm`)
+    for one that leaves soon by itself. run_folder: removed by the child when it leaves after its launcher has died.
+    """
+
+    name: str
+    target: Callable[..., object]
+    args: tuple[Any, ...]
+    log: Path | None = None
+    at_launcher_death: signal.Signals = signal.SIGKILL
+    run_folder: Path | None = None
+
+
 class _Child(NamedTuple):
     name: str
     pid: int
@@ -131,40 +147,47 @@ class Supervisor:
         at_launcher_death: signal.Signals = signal.SIGKILL,
         run_folder: Path | None = None,
     ) -> int:
-        """Fork a child that calls ``target(*args)``; returns its process number.
+        """As `start_all`, of one child; returns its process number."""
+        return self.start_all([Start(name, target, args, log, at_launcher_death, run_folder)])[0]
 
-        Args:
-            name: who it is, in reports and in its log. A name may be used again once its process has ended.
-            log: where stdout and stderr go (appended); None: where the launcher's go.
-            at_launcher_death: what the kernel sends it then. SIGCONT (`leave_on_sigterm`) for one that leaves soon by itself.
-            run_folder: removed by the child when it leaves after its launcher has died.
+    def start_all(self, starts: Sequence[Start]) -> list[int]:
+        """Fork a child for each; returns their process numbers.
+
+        Together, because memory that this process writes to between two forks is no longer shared with the first child.
 
         Raises:
-            ValueError: ``name`` is still running.
+            ValueError: a name is still running, or there twice.
             RuntimeError: this process has opened Zenoh; what it forks would hang.
-            StartError: the machine allows no more processes.
+            StartError: the machine allows no more processes. Those forked before are running.
         """
-        if name in self._children:
-            raise ValueError(
-                f"{name} is still running: stop it, or kill it and poll until its end is reported, "
-                "before starting it again"
-            )
+        names = [start.name for start in starts]
+        for index, name in enumerate(names):
+            if name in self._children or name in names[:index]:
+                raise ValueError(
+                    f"{name} is still running: stop it, or kill it and poll until its end is reported, "
+                    "before starting it again"
+                )
         _refuse_to_fork_zenoh()
         sys.stdout.flush()
         sys.stderr.flush()
-        launcher = os.getpid()
+        sys._clear_type_cache()  # of names looked up last: each that a child adds would write to the one it replaces
+        launcher, pids = os.getpid(), list[int]()
         with nobody_asks() as blocked:
             try:
-                pid = os.fork()
+                for start in starts:
+                    pid = os.fork()
+                    if pid == 0:
+                        _be_child(launcher, start, blocked)
+                    pids.append(pid)
             except OSError as error:
                 raise StartError(
-                    f"{name} cannot be started ({error.strerror}): allow more processes (ulimit -u, or the container's limit) "
-                    "or more memory, or fly fewer drones"
+                    f"{names[len(pids)]} cannot be started ({error.strerror}): allow more processes (ulimit -u, or the "
+                    "container's limit) or more memory, or fly fewer drones"
                 ) from None
-            if pid == 0:
-                _be_child(launcher, name, target, args, log, at_launcher_death, run_folder, blocked)
-            self._children[name] = _Child(name, pid, os.pidfd_open(pid))
-        return pid
+            finally:
+                for name, pid in zip(names, pids, strict=False):
+                    self._children[name] = _Child(name, pid, os.pidfd_open(pid))
+        return pids
 
     def poll(self) -> list[Exit]:
         """The children that have ended since the last call. Each end is reported once."""
@@ -261,18 +284,10 @@ def _refuse_to_fork_zenoh() -> None:
             )
 
 
-def _be_child(
-    launcher: int,
-    name: str,
-    target: Callable[..., object],
-    args: tuple[Any, ...],
-    log: Path | None,
-    at_launcher_death: signal.Signals,
-    run_folder: Path | None,
-    mask: set[int | signal.Signals],
-) -> NoReturn:
+def _be_child(launcher: int, start: Start, mask: set[int | signal.Signals]) -> NoReturn:
     """The whole life of a child. Never returns, so nothing of the launcher's runs twice."""
     global _launcher_pid
+    name, target, args, log, at_launcher_death, run_folder = start
     code = 1
     try:
         _launcher_pid = launcher

@@ -40,6 +40,65 @@ def test_every_end_is_reported_once_by_name(tell: Callable[[str], list[str]]) ->
     ]
 
 
+def test_many_are_started_at_once_and_none_if_one_of_them_runs_already(
+    tell: Callable[[str], list[str]],
+) -> None:
+    lines = tell(
+        """
+        from rsc_swarm.flight.processes import Start
+        with Supervisor() as swarm:
+            swarm.start("shot", beating, "shot")
+            for names in (("new", "shot"), ("new", "new")):
+                try:
+                    swarm.start_all([Start(name, beating, (name,)) for name in names])
+                except ValueError as error:
+                    print(str(error).split(":")[0], swarm.running)
+            pids = swarm.start_all([Start(f"agent-{n}", sys.exit, (n,)) for n in (3, 4)])
+            print(pids == [swarm.pid("agent-3"), swarm.pid("agent-4")])
+            ends = {}
+            while len(swarm.running) > 1:
+                ends |= {end.name: end.code for end in swarm.wait(5.0)}
+            print(sorted(ends.items()))
+        """
+    )
+    assert lines == [
+        "shot is still running ('shot',)",
+        "new is still running ('shot',)",
+        "True",
+        "[('agent-3', 3), ('agent-4', 4)]",
+    ]
+
+
+def test_where_no_more_may_be_started_those_before_are_told_of_and_ended(
+    tell: Callable[[str], list[str]],
+) -> None:
+    lines = tell(
+        """
+        import errno, os
+        from rsc_swarm.flight.processes import Start, StartError
+        forks = iter((True, True, False))
+        fork = os.fork
+        def limited():
+            if next(forks):
+                return fork()
+            raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+        os.fork = limited
+        with Supervisor() as swarm:
+            try:
+                swarm.start_all([Start(f"agent-{n}", polite, (f"agent-{n}",)) for n in range(3)])
+            except StartError as error:
+                print(str(error).split(":")[0])
+            print(swarm.running)
+            print(len(swarm.stop(5.0)))
+        """
+    )
+    assert lines == [
+        "agent-2 cannot be started (Resource temporarily unavailable)",
+        "('agent-0', 'agent-1')",
+        "2",
+    ]
+
+
 def test_what_a_child_says_and_why_it_failed_is_in_its_log(
     tell: Callable[[str], list[str]], here: Path
 ) -> None:
