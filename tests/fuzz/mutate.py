@@ -24,6 +24,7 @@ Change = Callable[[bytes, random.Random], bytes]
 
 PLACEHOLDER = "@here@"
 _GOES_DOWN = 0.8  # of all steps of a walk to the place of a change
+_MOST_MORE = 20_000  # values and letters that one change adds
 
 
 class Raw(NamedTuple):
@@ -128,12 +129,22 @@ def _changed(tree: Any, draw: random.Random) -> Any:
         elif kind == 5 and inner is not root:
             del inner[key]
         elif kind == 6 and isinstance(inner, list) and inner is not root:
-            inner[key:key] = [json_copy(inner[key])] * draw.choice((1, 1, 2, 20))
+            times = draw.choice((1, 1, 2, 20))
+            if (
+                times * _size(inner[key]) <= _MOST_MORE
+            ):  # twenty times what has been made twenty times, and so on
+                inner[key:key] = [json_copy(inner[key])] * times
         elif kind == 7 and isinstance(inner, dict):
             inner[draw.choice(TEXTS) if draw.random() < 0.5 else str(key) + draw.choice(TEXTS)] = _leaf(draw)
         else:
             inner[key] = draw.choice(([inner[key]], {"a": inner[key]}, [inner[key], inner[key]]))
     return root[0]
+
+
+def _size(tree: Any) -> int:
+    """Lists, mappings and values in it, and letters of its texts."""
+    below = tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ()
+    return 1 + sum(map(_size, below)) + (len(tree) if isinstance(tree, (str, bytes)) else 0)
 
 
 def json_copy(tree: Any) -> Any:

@@ -66,8 +66,8 @@ def main() -> None:
             return bytes(atheris.Mutate(data, longest))
         data = draw.choice(valid) if draw.random() < VALID else data
         for _ in range(draw.choice((1, 1, 1, 2, 3))):
-            data = target.change(data, draw)
-        return data[:longest]
+            data = target.change(data, draw)[:longest]
+        return data
 
     atheris.Setup([sys.argv[0], *words], read, custom_mutator=changed)
     atheris.Fuzz()
