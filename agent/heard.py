@@ -6,13 +6,12 @@ takes in those of whom only others have heard lately, and the older what it know
 (`keep_clear`).
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.memory import Memory, put_neighbour
 from agent.tick_arrays import Rules
+from protocols.arithmetic import length
 from protocols.dynamics import TICK_S, Vector, vector
 from protocols.kernels import inlined_kernel
 from protocols.relative import NEVER, RadioRules
@@ -44,7 +43,7 @@ def _moved_on(memory: Memory, row: int, other: int, age: int, a_max: float) -> t
     motion, turning = memory.heard_motion[row, other], memory.heard_acceleration[row, other]
     t = age * TICK_S
     steady = min(t, _STEADY_S)
-    faster = steady * min(1.0, a_max / max(math.hypot(turning[0], turning[1]), 1e-9))
+    faster = steady * min(1.0, a_max / max(length(turning[0], turning[1]), 1e-9))
     farther = faster * (t - 0.5 * steady)
     return (
         (motion[0] + motion[2] * t + turning[0] * farther, motion[1] + motion[3] * t + turning[1] * farther),
@@ -79,7 +78,7 @@ def _keep_clear_of(
     at, count = 0, memory.near_count[row]
     while at < count and memory.near_id[row, at] != other:
         at += 1
-    distance, t = math.hypot(rel[0], rel[1]), age * TICK_S
+    distance, t = length(rel[0], rel[1]), age * TICK_S
     if at == memory.near_id.shape[1] or (at == count and distance > range_m):
         return
     doubt = min(_GROWTH_MPS * t + 0.5 * _GROWTH_MPS2 * t * t, _MOST_M)

@@ -10,7 +10,6 @@ point from the other to the drone. Nothing seen is all zeros. Everything is rela
 on the map the drone is.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from agent.control.attraction import Aim
 from agent.memory import Memory
 from agent.tick_arrays import Views, Work
+from protocols.arithmetic import length
 from protocols.dynamics import vector
 from protocols.kernels import inlined_kernel
 from protocols.mission.formation import NO_PARENT
@@ -66,7 +66,7 @@ def aim_of(row: int, work: Work, sensed: Sensed) -> Aim:
 
 @inlined_kernel
 def _obstacle_gap(row: int, index: int, memory: Memory) -> float:
-    centre: float = math.hypot(memory.obstacle_rel[row, index, 0], memory.obstacle_rel[row, index, 1])
+    centre: float = length(memory.obstacle_rel[row, index, 0], memory.obstacle_rel[row, index, 1])
     return centre - float(memory.obstacle_radius[row, index])
 
 
@@ -84,7 +84,7 @@ def _obstacles(row: int, count: int, reach: float, memory: Memory, x: NDArray[An
             break
         rel, radius = memory.obstacle_rel[row, best], memory.obstacle_radius[row, best]
         s = min((reach - best_gap) / reach, 1.0)
-        centre = max(math.hypot(rel[0], rel[1]), 1e-9)
+        centre = max(length(rel[0], rel[1]), 1e-9)
         x[place], x[place + 1], x[place + 2] = -rel[0] / centre * s, -rel[1] / centre * s, radius * s
         last, last_gap = best, best_gap
         place += 3
@@ -97,7 +97,7 @@ def _neighbours(row: int, count: int, reach: float, memory: Memory, x: NDArray[A
     for _ in range(count):
         best, best_gap = -1, reach
         for index in range(memory.near_count[row]):
-            gap = math.hypot(memory.near_rel[row, index, 0], memory.near_rel[row, index, 1])
+            gap = length(memory.near_rel[row, index, 0], memory.near_rel[row, index, 1])
             if gap < best_gap and (gap > last_gap or (gap == last_gap and index > last)):
                 best, best_gap = index, gap
         if best < 0:
@@ -114,7 +114,7 @@ def _neighbours(row: int, count: int, reach: float, memory: Memory, x: NDArray[A
 @inlined_kernel
 def compressed(x: float, y: float) -> tuple[float, float]:
     """An error [m] as policies see it: e / (1 + |e|/2), which tells direction far away and distance nearby."""
-    scale = 1.0 / (1.0 + 0.5 * math.hypot(x, y))
+    scale = 1.0 / (1.0 + 0.5 * length(x, y))
     return x * scale, y * scale
 
 

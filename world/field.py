@@ -5,7 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.arithmetic import cosine, sine
+from protocols.dynamics import Vector
 from protocols.errors import SwarmError
+from protocols.kernels import kernel
 from protocols.mission.document import Mission
 
 _MAP, _START, _SLOTS = 1, 2, 3  # each kind of draw has a stream of its own
@@ -27,9 +30,10 @@ def draw_obstacles(mission: Mission) -> NDArray[np.float64]:
         return np.array(spec.discs, dtype=np.float64).reshape(-1, 3)
     draw = _generator(mission.map_seed, _MAP)
     count = int(draw.integers(spec.count[0], spec.count[1] + 1))
-    low = [spec.x_m[0], spec.y_m[0], spec.radius_m[0]]
-    high = [spec.x_m[1], spec.y_m[1], spec.radius_m[1]]
-    return draw.uniform(low, high, size=(count, 3))
+    low, high = np.array([spec.x_m, spec.y_m, spec.radius_m]).T
+    share = draw.random((count, 3))  # numpy's `uniform` may be compiled to round otherwise: with FMA
+    discs: NDArray[np.float64] = low + (high - low) * share
+    return discs
 
 
 def goal_x(mission: Mission, obstacles: NDArray[np.float64]) -> float:
@@ -54,16 +58,13 @@ def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.f
     draw = _generator(mission.seed, _START)
     places = np.empty((mission.agents, 2))
     taken: list[list[float]] = obstacles.tolist()
-    for agent, pad in enumerate(mission.layout.offsets):
+    for agent, (pad_x, pad_y) in enumerate(mission.layout.offsets.tolist()):
         for _ in range(_TRIES):
-            radius = mission.start.radius_m * np.sqrt(draw.uniform())
-            angle = draw.uniform(0, 2 * np.pi)
-            place = pad + radius * np.array(
-                [math.cos(angle), math.sin(angle)]
-            )  # numpy's depend on the processor
-            x, y = place.tolist()
+            radius = mission.start.radius_m * math.sqrt(draw.random())
+            aside_x, aside_y = _turned(radius, 2 * math.pi * draw.random())
+            x, y = pad_x + aside_x, pad_y + aside_y
             if _is_clear(x, y, taken, mission.start.gap_m):
-                places[agent] = place
+                places[agent] = x, y
                 taken.append([x, y, 0.0])
                 break
         else:
@@ -72,6 +73,12 @@ def draw_start(mission: Mission, obstacles: NDArray[np.float64]) -> NDArray[np.f
                 f"widen it, lower start.gap_m ({mission.start.gap_m:g} m) or move the obstacles"
             )
     return places
+
+
+@kernel
+def _turned(length: float, angle: float) -> Vector:
+    """The vector of this length that points in this direction [rad]."""
+    return length * cosine(angle), length * sine(angle)
 
 
 def _is_clear(x: float, y: float, taken: list[list[float]], gap: float) -> bool:

@@ -28,12 +28,18 @@ def put_in_order(by_x: NDArray[np.int64], position: NDArray[np.float64]) -> None
 
 
 @inlined_kernel
+def _is_within(dx: float, reach: float) -> bool:
+    """As whoever looks at the distance sees it, by squares: rounded, they may be equal where the numbers are not."""
+    return dx * dx <= reach * reach
+
+
+@inlined_kernel
 def span(by_x: NDArray[np.int64], position: NDArray[np.float64], place: int, reach: float) -> tuple[int, int]:
     """Where in the order those are whose x is within ``reach`` [m] of that of the drone at ``place``: from the first to before
     the last."""
     x, first, last = position[by_x[place], 0], place, place + 1
-    while first > 0 and (x - position[by_x[first - 1], 0]) ** 2 <= reach * reach:
+    while first > 0 and _is_within(x - position[by_x[first - 1], 0], reach):
         first -= 1
-    while last < by_x.shape[0] and (position[by_x[last], 0] - x) ** 2 <= reach * reach:
+    while last < by_x.shape[0] and _is_within(position[by_x[last], 0] - x, reach):
         last += 1
     return first, last

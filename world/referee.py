@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.arithmetic import length
 from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
 from world.order import put_in_order
@@ -142,7 +143,7 @@ def judge_world(
         px, py = position[world, agent, 0], position[world, agent, 1]
         for index in range(obstacle_count[world]):
             disc = obstacles[world, index]
-            gap = math.sqrt((disc[0] - px) ** 2 + (disc[1] - py) ** 2) - disc[2]
+            gap = length(disc[0] - px, disc[1] - py) - disc[2]
             nearest[world, agent] = min(nearest[world, agent], gap)
             if gap < clearance:
                 clearance, who, which = gap, agent, index
@@ -150,7 +151,7 @@ def judge_world(
         slot = claim[world, agent]
         shared += holder[slot] >= 0
         holder[slot] = agent
-        wide = math.sqrt((target_x + offsets[slot, 0] - px) ** 2 + (offsets[slot, 1] - py) ** 2)
+        wide = length(target_x + offsets[slot, 0] - px, offsets[slot, 1] - py)
         worst_slot = max(worst_slot, wide)
     complete = shared == 0
     for slot in range(agents):

@@ -15,6 +15,7 @@ import math
 
 from agent.control.gains import Gains
 from agent.control.surroundings import Neighbours
+from protocols.arithmetic import exp
 from protocols.dynamics import Vector, vector
 from protocols.kernels import inlined_kernel
 
@@ -35,7 +36,7 @@ def pair_term(r: Vector, w: Vector, u: Vector, gains: Gains) -> Vector:
     a_y = 0.0
 
     if d < gains.morse_range:
-        e = math.exp(-gains.morse_decay * (d - gains.morse_range))
+        e = exp(-gains.morse_decay * (d - gains.morse_range))
         push = gains.morse_strength * (e * e - e)
         a_x += push * n_x
         a_y += push * n_y
@@ -64,7 +65,7 @@ def pair_term(r: Vector, w: Vector, u: Vector, gains: Gains) -> Vector:
             else:
                 miss_x = -w_y / speed
                 miss_y = w_x / speed
-            push = gains.predict_gain * conflict * math.exp(-time / gains.predict_time) * speed
+            push = gains.predict_gain * conflict * exp(-time / gains.predict_time) * speed
             closing = -opening / d
             brake = gains.agent_brake * conflict * closing * closing / (2.0 * max(d - gains.contact_m, 0.1))
             a_x += push * miss_x + brake * n_x

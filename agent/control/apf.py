@@ -18,6 +18,7 @@ from agent.control.attraction import Aim, saturated
 from agent.control.flocking import beta_velocity
 from agent.control.gains import GAINS
 from agent.control.surroundings import Discs, Neighbours
+from protocols.arithmetic import exp
 from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
 
@@ -65,7 +66,7 @@ def formation_term(aim: Aim, leader_velocity: Vector, near: Neighbours, apf: Apf
         r_x, r_y = near.rel[j, 0], near.rel[j, 1]
         d = math.sqrt(r_x * r_x + r_y * r_y)
         if 1e-6 < d < apf.morse_range:
-            e = math.exp(-apf.morse_decay * (d - apf.morse_range))
+            e = exp(-apf.morse_decay * (d - apf.morse_range))
             push = apf.morse_strength * (e * e - e) / d
             a_x -= push * r_x
             a_y -= push * r_y

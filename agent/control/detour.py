@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from agent.control.agents import agent_terms
 from agent.memory import Memory, neighbours_of
 from agent.tick_arrays import Rules, Work
+from protocols.arithmetic import cosine, length, sine
 from protocols.dynamics import Vector, vector
 from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.wire.sensed import Sensed
@@ -64,7 +65,7 @@ def _is_free(
         for end in range(_GOAL + 1):
             if end != a and end != b:
                 continue
-            grown = min(grown, math.hypot(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - leeway)
+            grown = min(grown, length(point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]) - leeway)
         if grown > 0.0 and _touches(
             point[a, 0], point[a, 1], point[b, 0], point[b, 1], rel[i, 0], rel[i, 1], grown
         ):
@@ -79,7 +80,7 @@ def _is_clear(
     """Whether a point lies in no disc's margin."""
     inside = False
     for i in range(m):
-        inside |= math.hypot(x - rel[i, 0], y - rel[i, 1]) < radius[i] + margin
+        inside |= length(x - rel[i, 0], y - rel[i, 1]) < radius[i] + margin
     return not inside
 
 
@@ -100,7 +101,7 @@ def _add_exits(
     for end in range(_GOAL + 1):
         for i in range(m):
             away_x, away_y = point[end, 0] - rel[i, 0], point[end, 1] - rel[i, 1]
-            centre = max(math.hypot(away_x, away_y), 1e-9)
+            centre = max(length(away_x, away_y), 1e-9)
             if centre > radius[i] + margin + _WIDE_M:
                 continue
             for exit_m in _EXITS_M:
@@ -136,10 +137,10 @@ def next_corner(
         return 0, goal_x, goal_y
     count = 2
     for i in range(m):
-        outer = (radius[i] + margin) / math.cos(math.pi / _CORNERS) + 1e-3
+        outer = (radius[i] + margin) / cosine(math.pi / _CORNERS) + 1e-3
         for corner in range(_CORNERS):
             angle = 2.0 * math.pi * corner / _CORNERS
-            x, y = rel[i, 0] + outer * math.cos(angle), rel[i, 1] + outer * math.sin(angle)
+            x, y = rel[i, 0] + outer * cosine(angle), rel[i, 1] + outer * sine(angle)
             if _is_clear(x, y, m, rel, radius, margin):
                 point[count, 0], point[count, 1] = x, y
                 count += 1
@@ -153,9 +154,9 @@ def next_corner(
         here, best = -1, math.inf
         for i in range(count):
             if not closed[i]:
-                length = way[i] + math.hypot(goal_x - point[i, 0], goal_y - point[i, 1])
-                if length < best:
-                    here, best = i, length
+                whole = way[i] + length(goal_x - point[i, 0], goal_y - point[i, 1])
+                if whole < best:
+                    here, best = i, whole
         if here < 0:
             return -1, 0.0, 0.0
         if here == _GOAL:
@@ -163,9 +164,9 @@ def next_corner(
         closed[here] = True
         for i in range(count):
             if not closed[i]:
-                length = way[here] + math.hypot(point[i, 0] - point[here, 0], point[i, 1] - point[here, 1])
-                if length < way[i] and _is_free(here, i, point, m, rel, radius, margin, leeway):
-                    way[i], before[i] = length, here
+                whole = way[here] + length(point[i, 0] - point[here, 0], point[i, 1] - point[here, 1])
+                if whole < way[i] and _is_free(here, i, point, m, rel, radius, margin, leeway):
+                    way[i], before[i] = whole, here
     corners, first = 0, _GOAL
     while before[first] != _START:
         first = before[first]
@@ -211,7 +212,7 @@ def leave_pocket(
         vt_x, vt_y = vector(work.target_velocity, row)
         target_mps = math.sqrt(vt_x * vt_x + vt_y * vt_y)
         speed = max(_HOME_MPS, target_mps + _CATCH_UP_MPS)
-    length = max(math.sqrt(x * x + y * y), 1e-9)
-    u_x, u_y = x / length, y / length
+    ahead = max(length(x, y), 1e-9)
+    u_x, u_y = x / ahead, y / ahead
     apart_x, apart_y = agent_terms(neighbours_of(memory, row), (u_x, u_y), rules.gains)
     return _GAIN * (speed * u_x - v_x) + apart_x, _GAIN * (speed * u_y - v_y) + apart_y

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from agent.control.gains import GAINS
 from agent.control.surroundings import Discs, Neighbours
+from protocols.arithmetic import cosine
 from protocols.dynamics import Vector
 from protocols.kernels import inlined_kernel
 from protocols.mission.document import Mission
@@ -65,7 +66,7 @@ def bump(share: float, full: float) -> float:
         return 1.0
     if share >= 1.0:
         return 0.0
-    return 0.5 * (1.0 + math.cos(math.pi * (share - full) / (1.0 - full)))
+    return 0.5 * (1.0 + cosine(math.pi * (share - full) / (1.0 - full)))
 
 
 @inlined_kernel

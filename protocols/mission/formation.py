@@ -99,10 +99,11 @@ def build_formation(points: NDArray[np.float64], spacing: float) -> Formation:
             f"slots {first} and {second} are {gaps.min():.2f} m apart; keep slots at least {spacing / 2:.2f} m apart"
         )
     from_centroid = points - points.mean(axis=0)
+    distance = np.sqrt((from_centroid * from_centroid).sum(axis=1))
     root = min(
         range(len(points)),
         key=lambda slot: (
-            round(float(np.hypot(*from_centroid[slot])), 6),
+            round(float(distance[slot]), 6),
             round(float(points[slot, 0]), 6),
             round(abs(float(from_centroid[slot, 1])), 6),
             float(points[slot, 1]),

@@ -55,7 +55,8 @@ def silence_ticks(radio: Radio, agents: int) -> int:
     frames = 1 + math.ceil(agents / AGE_WINDOW)
     spell = radio.burst.length_s * -math.log(_CHANCE) * TICKS_PER_S if radio.burst.loss else 0.0
     heard = frames * frame_ticks(radio.frame_rate_hz) * tries + spell
-    return min(math.ceil(heard) + AGE_UNIT_TICKS + 2 * way_ticks(radio), ticks_of(LONGEST_S))
+    # What is a whole number but for the logarithms' last digit, which is the C library's, is that number.
+    return min(math.ceil(heard - 1e-9) + AGE_UNIT_TICKS + 2 * way_ticks(radio), ticks_of(LONGEST_S))
 
 
 def usual_silence_ticks(radio: Radio, agents: int) -> int:

@@ -16,12 +16,12 @@ down, so that only a leaf stays empty. Only a follower within radio range of the
 may be its own fault that it hears nobody there.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.arithmetic import length
 from protocols.dynamics import Vector
 from protocols.kernels import allocating_kernel, inlined_kernel
 from protocols.mission.formation import NO_PARENT
@@ -70,10 +70,10 @@ def tree_gain(ex: float, ey: float, rx: float, ry: float, dx: float, dy: float, 
 
     (ex, ey): my target minus me. (rx, ry): follower minus me. (dx, dy): its slot minus mine. All in metres.
     """
-    mine = math.hypot(ex, ey)
-    follower_to_mine = math.hypot(ex - rx, ey - ry)
-    me_to_followers = math.hypot(ex + dx, ey + dy)
-    followers = math.hypot(ex + dx - rx, ey + dy - ry)
+    mine = length(ex, ey)
+    follower_to_mine = length(ex - rx, ey - ry)
+    me_to_followers = length(ex + dx, ey + dy)
+    followers = length(ex + dx - rx, ey + dy - ry)
     if follower_to_mine + margin < mine and me_to_followers + margin < followers:
         return mine - follower_to_mine + followers - me_to_followers
     return 0.0
@@ -83,7 +83,7 @@ def tree_gain(ex: float, ey: float, rx: float, ry: float, dx: float, dy: float, 
 def contact_gain(rx: float, ry: float, dx: float, dy: float, margin: float) -> float:
     """Fall in the sum of squared distances to the two slots [m^2], or 0 if the other is not ``margin`` metres wrong."""
     along = rx * dx + ry * dy
-    if along < -margin * math.hypot(dx, dy):
+    if along < -margin * length(dx, dy):
         return -2.0 * along
     return 0.0
 
@@ -191,7 +191,8 @@ def vacancy_to_fill(
             or known.hops[sibling] == UNKNOWN
         ):
             continue
-        distance = (tx - rel[sibling, 0]) ** 2 + (ty - rel[sibling, 1]) ** 2
+        away_x, away_y = tx - rel[sibling, 0], ty - rel[sibling, 1]
+        distance = away_x * away_x + away_y * away_y
         if distance < my_distance or (distance == my_distance and sibling < me):
             return NOBODY
     return leader

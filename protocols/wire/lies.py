@@ -53,7 +53,8 @@ def position(honest: Honest) -> bytes:
 
 def impossible_motion(honest: Honest) -> bytes:
     """it is where nobody can be so soon, at speeds that nothing has"""
-    place, speed = honest.random.uniform(-50, 50, 2), honest.random.choice([3e38, -1e6, 500.0, 0.0], 2)
+    # numpy's `uniform` rounds otherwise with FMA
+    place, speed = 100 * honest.random.random(2) - 50, honest.random.choice([3e38, -1e6, 500.0, 0.0], 2)
     return _patched(honest.frame, _MOTION, struct.pack("<4f", *place, *speed))
 
 

@@ -12,6 +12,7 @@ from protocols import arithmetic
 from protocols.kernels import COMPILED
 
 DRAW = np.random.default_rng(1)
+ANGLES = [*DRAW.uniform(-10.0, 10.0, 3000).tolist(), *(k * math.pi / 8 for k in range(-32, 33))]
 
 
 def interpreted(rule: Any) -> Callable[..., float]:
@@ -46,27 +47,55 @@ def test_exp_at_its_ends() -> None:
     assert math.isnan(arithmetic.exp(math.nan))
 
 
-def test_exp_is_what_it_was_on_whatever_machine_this_is() -> None:
-    """Bits written down once: another compiler or processor that gives others is found here, before flights are compared."""
-    found = [arithmetic.exp(x).hex() for x in (1.0, -0.1, -3.7, 12.25, -700.3, -740.0)]
-    assert found == WRITTEN["exp"]
+def test_sine_and_cosine_are_right_to_some_1e_16() -> None:
+    for x in ANGLES:  # the C library's are wrong by 6e-17 or so
+        assert abs(arithmetic.sine(x) - math.sin(x)) < 2e-16
+        assert abs(arithmetic.cosine(x) - math.cos(x)) < 2e-16
+
+
+def test_sine_and_cosine_of_large_angles_are_as_right_and_beyond_there_are_none() -> None:
+    for x in DRAW.uniform(-1e6, 1e6, 3000).tolist():
+        assert abs(arithmetic.sine(x) - math.sin(x)) < 2e-16
+        assert abs(arithmetic.cosine(x) - math.cos(x)) < 2e-16
+    assert all(math.isnan(arithmetic.sine(x)) for x in (1.1e6, -1.1e6, math.inf, -math.inf, math.nan))
+
+
+def test_length_is_that_of_a_vector() -> None:
+    assert arithmetic.length(3.0, -4.0) == 5.0
+    assert arithmetic.length(0.0, 0.0) == 0.0
+    for x, y in DRAW.uniform(-100.0, 100.0, (500, 2)).tolist():
+        assert arithmetic.length(x, y) == pytest.approx(math.hypot(x, y), rel=3e-16)
+
+
+def values_of(name: str) -> list[list[float]]:
+    """Arguments for a function: many usual ones, and those at its ends."""
+    if name == "length":
+        return DRAW.normal(0.0, 20.0, (500, 2)).tolist()  # type: ignore[no-any-return]
+    ends = [0.0, math.inf, -math.inf, 1e300, -1e300]
+    usual = [*DRAW.uniform(-750.0, 715.0, 500).tolist(), *DRAW.normal(size=500).tolist()]
+    return [[x] for x in (*usual, *ends)]
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
-def test_exp_compiled_and_not_gives_the_same_bits() -> None:
-    values = [
-        *DRAW.uniform(-750.0, 715.0, 500).tolist(),
-        *DRAW.normal(size=500).tolist(),
-        math.inf,
-        -math.inf,
-    ]
-    python = interpreted(arithmetic.exp)
-    assert [arithmetic.exp(x).hex() for x in values] == [python(x).hex() for x in values]
+@pytest.mark.parametrize("name", ["exp", "sine", "cosine", "length"])
+def test_compiled_and_not_a_function_gives_the_same_bits(name: str) -> None:
+    rule = getattr(arithmetic, name)
+    python, values = interpreted(rule), values_of(name)
+    assert [rule(*given).hex() for given in values] == [python(*given).hex() for given in values]
 
 
 WRITTEN = {
-    "exp": [
-        "0x1.5bf0a8b14576ap+1", "0x1.cf46d99d52b3ap-1", "0x1.9511fc6871044p-6",
-        "0x1.982aa4f9aec90p+17", "0x1.9a5615b10648ap-1011", "0x0.0000000000055p-1022",
-    ],
+    "exp": {
+        1.0: "0x1.5bf0a8b14576ap+1", -0.1: "0x1.cf46d99d52b3ap-1", -3.7: "0x1.9511fc6871044p-6",
+        12.25: "0x1.982aa4f9aec90p+17", -700.3: "0x1.9a5615b10648ap-1011", -740.0: "0x0.0000000000055p-1022",
+    },
+    "sine": {0.5: "0x1.eaee8744b05f0p-2", -2.0: "-0x1.d18f6ead1b446p-1", 100.0: "-0x1.03425b78c4db8p-1"},
+    "cosine": {0.5: "0x1.c1528065b7d50p-1", -2.0: "-0x1.aa22657537205p-2", 100.0: "0x1.b981dbf665fe0p-1"},
 }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_function_gives_the_bits_that_are_written_here(name: str) -> None:
+    """Another compiler or processor that gives others is found here, before flights are compared."""
+    rule = getattr(arithmetic, name)
+    assert {x: rule(x).hex() for x in WRITTEN[name]} == WRITTEN[name]

@@ -53,7 +53,7 @@ def main() -> None:
     options.add_argument("--flights", type=int, default=20)
     flights = options.parse_args().flights
     print(f"NumPy {np.__version__}, digests equal to those of the usual setting, of {flights} flights")
-    for policy in ("analytic", "rsc-h20"):
+    for policy in ("analytic", "saber", "rsc-h20"):
         usual = digests({}, policy, flights)
         for name, setting in (
             ("NumPy without vector loops", plain_numpy()),
