@@ -23,7 +23,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 from numba.np.arrayobj import populate_array
 
-from protocols.machine_code import MachineCode, Result, number_kind
+from protocols.machine_code import MachineCode, Result, kind_of_processor, number_kind
 from protocols.object_code import SYMBOL, object_code
 
 # Arrays are borrowed from Python for as long as a kernel runs: counting references to them would cost more than the rules.
@@ -34,6 +34,7 @@ _RESULTS = {
     types.none: "none", types.boolean: "bool", types.int64: "int", types.uint64: "uint", types.float64: "float",
 }  # fmt: skip
 _NUMBERS = {name: kind for kind, name in _RESULTS.items()}
+_IS_X86_64 = kind_of_processor().startswith("x86_64")
 
 
 class _Draft(JITCodeLibrary):
@@ -189,7 +190,8 @@ def compile_rule(rule: Any, given: tuple[Any, ...]) -> MachineCode:
         drafted = _draft(f"return rule({call})", {**names, "rule": rule}, leaves)
         entry = _entry(cpu_target.target_context, drafted.fndesc)
         made = object_code(drafted.library, entry)
-    return MachineCode(SYMBOL, _result_of(drafted.signature.return_type), made)
+        wide = object_code(drafted.library, entry, True) if rule.wide and _IS_X86_64 else b""
+    return MachineCode(SYMBOL, _result_of(drafted.signature.return_type), made, wide)
 
 
 @contextmanager

@@ -75,6 +75,12 @@ def kernel(function: F) -> F:
     return cast(F, Kernel(function)) if COMPILED else function
 
 
+def wide_kernel(function: F) -> F:
+    """As `kernel`, for one that does the same to long rows of numbers: there is a form of it for processors that can do more of
+    them at once. It gives the same bits."""
+    return cast(F, Kernel(function, wide=True)) if COMPILED else function
+
+
 def allocating_kernel(function: F) -> F:
     """A kernel that makes arrays for its own use; the parts it calls must not return any."""
     return cast(F, Kernel(function, allocates=True)) if COMPILED else function
@@ -92,8 +98,14 @@ class Kernel:
     runs.
     """
 
-    def __init__(self, function: Callable[..., Any], inlined: bool = False, allocates: bool = False) -> None:
-        self.py_func, self.inlined, self.allocates = function, inlined, allocates
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        inlined: bool = False,
+        allocates: bool = False,
+        wide: bool = False,
+    ) -> None:
+        self.py_func, self.inlined, self.allocates, self.wide = function, inlined, allocates, wide
         self.__name__, self.__doc__, self.__module__ = (
             function.__name__,
             function.__doc__,

@@ -7,6 +7,8 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 
+from protocols.machine_code import WIDE
+
 SYMBOL = "rule"
 
 # What compiled code calls for an array of its own, and when it has done with it. The compiler's own would need the compiler.
@@ -47,16 +49,24 @@ define void @NRT_MemInfo_call_dtor(ptr %info) {
 class _AnyProcessor(JITCPUCodegen):
     """Makes code for every processor of this machine's kind."""
 
+    features: tuple[str, ...] = ()
+
     def _get_host_cpu_name(self) -> str:
         return "generic"
 
     def _get_host_cpu_features(self) -> str:
-        return ""
+        return ",".join(f"+{feature}" for feature in self.features)
+
+
+class _WideProcessor(_AnyProcessor):
+    """Makes code for those that have `WIDE`."""
+
+    features = WIDE
 
 
 @cache
-def _maker() -> _AnyProcessor:
-    return _AnyProcessor("rules")  # type: ignore[no-untyped-call]
+def _maker(wide: bool) -> _AnyProcessor:
+    return (_WideProcessor if wide else _AnyProcessor)("rules")  # type: ignore[no-untyped-call]
 
 
 class _Whole(JITCodeLibrary):
@@ -75,9 +85,9 @@ class _Whole(JITCodeLibrary):
         self._finalized = True
 
 
-def object_code(drafted: Any, entry: ir.Module) -> bytes:
+def object_code(drafted: Any, entry: ir.Module, wide: bool = False) -> bytes:
     """The object file of what the compiler has drafted, and of the function `SYMBOL` in ``entry``, by which it is called."""
-    whole = _Whole(_maker(), SYMBOL)  # type: ignore[no-untyped-call]
+    whole = _Whole(_maker(wide), SYMBOL)  # type: ignore[no-untyped-call]
     whole.add_linking_library(drafted)  # type: ignore[no-untyped-call]
     whole.add_ir_module(entry)  # type: ignore[no-untyped-call]
     whole.add_llvm_module(llvm.parse_assembly(_ALLOCATOR))  # type: ignore[no-untyped-call]

@@ -5,13 +5,12 @@ The files rsc-h1 ... rsc-h40 and stgnn come with the project; any other is given
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.control.follow import following_of
-from agent.policy import session
 from agent.policy.base import Compiled, PolicyError
 from agent.policy.learned_kernel import (
     DUE,
@@ -25,7 +24,8 @@ from agent.policy.learned_kernel import (
     show_plans,
     take_plans,
 )
-from agent.policy.model_file import ModelFileError, note_of, read_model
+from agent.policy.model_file import ModelFileError, ModelNote, note_of, read_model
+from agent.policy.network import Network, NetworkError
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.kernels import bound, by_reference, rebound
@@ -34,8 +34,8 @@ from protocols.relative import NEVER
 from protocols.wire.planned import SHOWN
 from protocols.wire.rows import as_bytes
 
-_OUTPUTS = ["displacement", "acceleration"]
-_ROWS = 32  # asked in one call; more would no longer fit the processor's caches
+if TYPE_CHECKING:
+    from agent.policy.session import Session
 
 
 class Learned(Compiled):
@@ -65,9 +65,8 @@ class Learned(Compiled):
             following = following._replace(required=facts.output == "raw")
         self._following = following
         self.shown_after = np.ceil(np.linspace(0, facts.horizon, SHOWN + 1)).astype(np.int64)[1:]
-        self._inputs = [name for name in facts.shapes if name not in _OUTPUTS]
         self.rounds = facts.rounds
-        self._session: Any = None
+        self._opened: Network | Session
         self._show, self._now = rebound(show_plans), np.zeros(1, np.int64)
         self._make_room(np.zeros((0, 2)))
 
@@ -78,6 +77,7 @@ class Learned(Compiled):
         self._question = empty_question(rows, facts.past, neighbours, facts.rounds)
         self._plans = empty_plans(rows, facts.horizon)
         self.made_at = self._plans.made_at if facts.horizon > 1 else None
+        self._planned = self._plans.displacement.copy(), self._plans.acceleration.copy()
         self._shown = np.zeros((rows, SHOWN, 2), np.float32)
         self._wanted = wanted
         self._planner = by_reference(
@@ -94,9 +94,10 @@ class Learned(Compiled):
         Raises:
             PolicyError: the model cannot be run.
         """
+        facts, data = self.model.facts, self.model.data
         try:
-            self._session = session.open_session(self.model.data)
-        except RuntimeError as error:
+            self._opened = Network(facts, data) if facts.network else _foreign(facts, data)
+        except (NetworkError, RuntimeError) as error:
             raise PolicyError(f"policy: {self.model.path}: cannot be run ({error})") from None
 
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:
@@ -105,13 +106,11 @@ class Learned(Compiled):
             self._make_room(wanted)
         due = ask_or_fly(False, tick, arrays, self._planner)
         if due:
-            for first in range(0, due, _ROWS):
-                self._plan(tick, arrays, first, min(first + _ROWS, due))
+            self._opened.plan(0, due, self._question, *self._planned)
+            take_plans(tick, due, arrays, self._planner, *self._planned)
             ask_or_fly(True, tick, arrays, self._planner)
 
     def quickly(self, quick: Quick) -> Callable[[], int]:
-        displacement, acceleration = (np.zeros_like(self._plans.displacement) for _ in _OUTPUTS)
-        outputs = dict(zip(_OUTPUTS, (displacement, acceleration), strict=True))
         telling = Telling(
             self.shown_after,
             as_bytes(self.shown_after.astype("<u2")),
@@ -120,10 +119,10 @@ class Learned(Compiled):
             as_bytes(self._shown),
         )
         begin, end = (
-            bound(fly_quickly, planned, quick, self._planner, displacement, acceleration, telling)
+            bound(fly_quickly, planned, quick, self._planner, *self._planned, telling)
             for planned in (False, True)
         )
-        plan = session.bound(self._session, self._asked(0, 1), outputs)
+        plan = self._opened.bound(self._question, *self._planned)
 
         def fly() -> int:
             size = begin()
@@ -133,13 +132,6 @@ class Learned(Compiled):
             return size
 
         return fly
-
-    def _asked(self, first: int, end: int) -> dict[str, NDArray[np.float32]]:
-        return {name: getattr(self._question, name)[first:end] for name in self._inputs}
-
-    def _plan(self, tick: int, arrays: TickArrays, first: int, end: int) -> None:
-        displacement, acceleration = self._session.run(_OUTPUTS, self._asked(first, end))
-        take_plans(tick, first, arrays, self._planner, displacement, acceleration)
 
     def plans(self, tick: int) -> NDArray[np.float32]:
         """As the base class: at P = `SHOWN` moments, evenly over what was planned last."""
@@ -152,3 +144,10 @@ class Learned(Compiled):
         if row < len(self._plans.made_at):
             self._history.blank[row] = True
             self._plans.made_at[row] = NEVER
+
+
+def _foreign(note: ModelNote, data: bytes) -> "Session":
+    """Raises RuntimeError if it cannot be run."""
+    from agent.policy.session import Session  # loads ONNX Runtime, which a network of ours does without
+
+    return Session(note, data)

@@ -234,16 +234,16 @@ def ask_or_fly(planned: bool, tick: int, arrays: TickArrays, planner: Planner) -
 @kernel
 def take_plans(
     tick: int,
-    first: int,
+    count: int,
     arrays: TickArrays,
     planner: Planner,
     displacement: NDArray[np.float32],
     acceleration: NDArray[np.float32],
 ) -> None:
-    """Give the rows asked about, from place ``first`` on, their new plans (D, H, 2), beginning here and now."""
+    """Give the ``count`` rows that were asked about their new plans, (A, H, 2), beginning here and now."""
     sensed, plans, asked = arrays.sensed, planner.plans, planner.question.row
-    for place in range(displacement.shape[0]):
-        row = asked[first + place]
+    for place in range(count):
+        row = asked[place]
         plans.made_at[row] = tick
         for axis in range(2):
             plans.start[row, axis] = sensed.position[row, axis]
@@ -309,7 +309,7 @@ def fly_quickly(
     """
     arrays, tick = quick.arrays, tick_of(quick)
     if planned:
-        take_plans(tick, 0, arrays, planner, displacement, acceleration)
+        take_plans(tick, 1, arrays, planner, displacement, acceleration)
     elif begin_tick(quick) < 0:
         return RARE
     elif _ask(tick, arrays, planner) > 0:

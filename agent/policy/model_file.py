@@ -49,6 +49,10 @@ class ModelNote(BaseModel):
     extra: Literal["none", "wide"]
     output: Literal["knots", "raw", "action"]
     replan: Annotated[int, Field(ge=1)]
+    network: Literal["1"] | None = Field(
+        None, description="layout of a network that agent.policy.network computes; without, ONNX Runtime does"
+    )
+    heads: Annotated[int, Field(ge=1, le=64)] = Field(4, description="of its attention")
     sha256: str = Field(description="of the model file, hexadecimal")
     config: str = Field("", description="JSON of what it was trained with")
     seed: str = Field("", description="of its training")

@@ -1,11 +1,11 @@
-"""The one place that runs models: ONNX Runtime, on one thread and without reports to its makers.
+"""The one place that runs models that are none of ours: ONNX Runtime, on one thread and without reports to its makers.
 
 On one thread it may be open in a process that forks afterwards: what is forked shares it, weights and all. Two threads could not
 be forked.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
 
 # It must be said before the import, which would start a thread, keep a database and send usage reports.
@@ -15,7 +15,12 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-Arrays = Mapping[str, NDArray[np.float32]]
+from agent.policy.learned_kernel import Question
+from agent.policy.model_file import ModelNote
+
+Floats = NDArray[np.float32]
+_OUTPUTS = ["displacement", "acceleration"]
+_ROWS = 32  # asked in one call; more would no longer fit the processor's caches
 _NOWHERE = "/nonexistent"  # where a model finds weights that lie in other files: what flies is what was read and hashed
 
 
@@ -43,16 +48,33 @@ def open_session(data: bytes) -> onnxruntime.InferenceSession:
         raise RuntimeError((str(error).splitlines() or [type(error).__name__])[0]) from None
 
 
-def bound(session: onnxruntime.InferenceSession, inputs: Arrays, outputs: Arrays) -> Callable[[], None]:
-    """What reads these inputs and fills these outputs whenever it is called, without looking at them anew; by their names."""
-    binding = session.io_binding()
-    for name, array in inputs.items():
-        binding.bind_input(name, "cpu", 0, array.dtype.type, array.shape, array.ctypes.data)
-    for name, array in outputs.items():
-        binding.bind_output(name, "cpu", 0, array.dtype.type, array.shape, array.ctypes.data)
+class Session:
+    """A model that ONNX Runtime runs, as agent.policy.network.Network one of ours."""
 
-    def call() -> None:
-        session.run_with_iobinding(binding)
+    def __init__(self, note: ModelNote, data: bytes) -> None:
+        """Raises RuntimeError if it cannot be run; the first line says why."""
+        self._session = open_session(data)
+        self._inputs = [name for name in note.shapes if name not in _OUTPUTS]
 
-    vars(call)["bound"] = inputs, outputs  # live as long
-    return call
+    def plan(self, first: int, end: int, asked: Question, displacement: Floats, acceleration: Floats) -> None:
+        """As `Network.plan`."""
+        for begin in range(first, end, _ROWS):
+            rows = slice(begin, min(begin + _ROWS, end))
+            planned = self._session.run(_OUTPUTS, {name: getattr(asked, name)[rows] for name in self._inputs})
+            for out, plans in zip((displacement, acceleration), planned, strict=True):
+                out[begin - first : begin - first + len(plans)] = plans
+
+    def bound(self, asked: Question, displacement: Floats, acceleration: Floats) -> Callable[[], None]:
+        """As `Network.bound`."""
+        binding = self._session.io_binding()
+        for name in self._inputs:
+            array = getattr(asked, name)[:1]
+            binding.bind_input(name, "cpu", 0, array.dtype.type, array.shape, array.ctypes.data)
+        for name, array in zip(_OUTPUTS, (displacement, acceleration), strict=True):
+            binding.bind_output(name, "cpu", 0, array.dtype.type, array.shape, array.ctypes.data)
+
+        def call() -> None:
+            self._session.run_with_iobinding(binding)
+
+        vars(call)["bound"] = asked, displacement, acceleration  # live as long
+        return call

@@ -31,8 +31,8 @@ COMMON: dict[str, Any] = {
     "transport/unicast/lowlatency": True,
     "transport/link/tx/lease": _LEASE_MS,
     "transport/shared_memory/enabled": False,  # no gain at these sizes
-    # Room for four messages a link. Zenoh's one is not free again when the next message is read, and it makes and clears 64 kB for
-    # that: more than the processor's nearest cache holds.
+    # Room for four messages a link. With one, which is not free again when the next is read, Zenoh makes and clears 64 kB for
+    # every second message: more than the processor's nearest cache holds.
     "transport/link/rx/buffer_size": 4 * 65_535,
 }
 

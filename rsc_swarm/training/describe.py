@@ -8,14 +8,20 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import onnx
 from google.protobuf.message import DecodeError
 
+from agent.policy.learned_kernel import empty_question
 from agent.policy.model_file import ModelFileError, ModelNote, Shapes, note_of, parse_note
+from agent.policy.network import Network, NetworkError
+from agent.policy.session import Session
 from protocols.errors import ExitCode, SwarmError
 from protocols.foreign_file import read_file
 from protocols.printable import printable
 from protocols.whole_file import write_whole
+
+_ASKED, _TOLERANCE = 5, 1e-4
 
 
 def describe(path: Path) -> ModelNote:
@@ -36,6 +42,8 @@ def describe(path: Path) -> ModelNote:
     try:
         note = parse_note(json.dumps({**metadata, "sha256": hashlib.sha256(data).hexdigest()}))
         _compare(note.shapes, _shapes(document))
+        if note.network:
+            _compare_plans(note, data)
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from None
     write_whole(note_of(path), note.model_dump_json(indent=1, exclude_unset=True) + "\n")
@@ -61,6 +69,26 @@ def _compare(wanted: Shapes, given: Shapes) -> None:
         should, is_ = wanted.get(name), given.get(name)
         if should != is_:
             raise ModelFileError(f"{printable(name)}: should be {_told(should)}, but is {_told(is_)}")
+
+
+def _compare_plans(note: ModelNote, data: bytes) -> None:
+    """A network of ours is computed from its tensors: the file's own graph must come to the same."""
+    draw, plans = np.random.default_rng(0), []
+    asked = empty_question(_ASKED, note.past, 0 if note.rounds else note.neighbours, note.rounds)
+    for numbers in (asked.own, asked.heard, asked.share, asked.means, asked.target, asked.extra):
+        numbers[:] = draw.random(numbers.shape)
+    try:
+        for model in (Network(note, data), Session(note, data)):
+            plan = np.zeros((2, _ASKED, note.horizon, 2), np.float32)
+            model.plan(0, _ASKED, asked, *plan)
+            plans.append(plan)
+    except (NetworkError, RuntimeError) as error:
+        raise ModelFileError(f"cannot be run ({error})") from None
+    off = float(np.abs(plans[0] - plans[1]).max())
+    if not off <= _TOLERANCE * max(1.0, float(np.abs(plans[1]).max())):
+        raise ModelFileError(
+            f"network: its graph is not that of such a network: plans differ by {off:.1e}; leave out network and heads"
+        )
 
 
 def _told(shape: tuple[int, ...] | None) -> str:

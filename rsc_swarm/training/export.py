@@ -23,7 +23,7 @@ from rsc_swarm.training.describe import describe
 from rsc_swarm.training.network import PolicyNetwork
 
 OPSET = 17
-VERSION, FEATURES = "1", "1"
+VERSION, FEATURES, NETWORK = "1", "1", "1"
 TOLERANCE = 1e-5
 _MANY = 1024  # numbers in a tensor, from which on halving it is worth a node in the file
 
@@ -80,6 +80,7 @@ def export(network: PolicyNetwork, config: TrainingConfig, recorded: ModelInputs
     for output in document.graph.output:  # the exporter cannot tell all their sizes
         _, steps, axes = output.type.tensor_type.shape.dim
         steps.dim_value, axes.dim_value = config.horizon, 2
+    name_weights(document, model.network)
     if config.float16:
         halve(document)
     onnx.helper.set_model_props(document, metadata(config))
@@ -104,6 +105,43 @@ def rounded(network: PolicyNetwork) -> PolicyNetwork:
             if weights.numel() >= _MANY:
                 weights.copy_(weights.half())
     return network
+
+
+def name_weights(document: onnx.ModelProto, network: PolicyNetwork) -> None:
+    """Give every tensor the name by which agent.policy.network knows it: torch's, but for those that the exporter has turned.
+    What the numbers of a plan mean is there as ``plan.displacement`` and ``plan.acceleration``, (M, H) each."""
+    renamed = {}
+    for node in list(document.graph.node):
+        if node.op_type == "Identity" and node.output[0].startswith("network."):
+            document.graph.node.remove(node)  # of two tensors that are equal the exporter has kept one
+        weight = node.input[1] if node.op_type == "MatMul" else ""
+        if weight.startswith("onnx::"):
+            renamed[weight] = f"network.{_layer(node.name)}.weight.T"
+    for node in document.graph.node:
+        node.input[:] = [renamed.get(name, name) for name in node.input]
+    for tensor in document.graph.initializer:
+        tensor.name = renamed.get(tensor.name, tensor.name)
+    plan, there = network.plan, {tensor.name.removesuffix(".T") for tensor in document.graph.initializer}
+    displacement, _, acceleration = plan(
+        torch.eye(plan.size)[: plan.points]
+    )  # of each point of the first axis
+    means = {"plan.displacement": displacement[..., 0], "plan.acceleration": acceleration[..., 0]}
+    weights = {f"network.{name}": value for name, value in network.state_dict().items()}
+    for name, value in (means | weights).items():
+        if name not in there:
+            document.graph.initializer.append(
+                onnx.numpy_helper.from_array(value.detach().cpu().numpy(), name)
+            )
+
+
+def _layer(node: str) -> str:
+    """Torch's name of the layer that a node is of: ``/time/feedforward/feedforward.0/MatMul`` is of ``time.feedforward.0``."""
+    names: list[str] = []
+    for part in node.split("/")[1:-1]:
+        if names and part.startswith(f"{names[-1]}."):
+            names.pop()
+        names.append(part)
+    return ".".join(names)
 
 
 def halve(document: onnx.ModelProto) -> None:
@@ -136,6 +174,8 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
         "extra": config.extra,
         "output": config.output,
         "replan": str(config.replan),
+        "network": NETWORK,
+        "heads": str(config.heads),
         "config": config.model_dump_json(),
         "seed": str(config.seed),
         "commit": commit() or "unknown",
@@ -143,9 +183,8 @@ def metadata(config: TrainingConfig) -> dict[str, str]:
 
 
 def _difference(data: bytes, model: ModelFile, recorded: ModelInputs, names: list[str]) -> float:
-    session = open_session(data)
     inputs = {name: getattr(recorded, name) for name in names}
-    said = session.run(None, inputs)
+    said = open_session(data).run(None, inputs)
     with torch.no_grad():
         meant = model(*(torch.from_numpy(value) for value in inputs.values()))
     # Accelerations reach 10 m/s²: single precision cannot hold them to 1e-5 m/s², but to that share of the largest.

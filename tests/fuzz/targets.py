@@ -6,7 +6,7 @@ The branches of a target's ``decoders`` are counted, so that a corpus can be jud
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from agent.policy import model_file
+from agent.policy import model_file, weights
 from agent.policy.model_file import ModelFileError
 from agent.radio import hearing
 from agent.radio.air import Air
@@ -228,6 +228,9 @@ TARGETS = {
         seed_files.model_notes,
         mutate.json_changed,
         (model_file._read, model_file.parse_note, model_file.ModelNote.shapes),
+    ),
+    "weights": Target(
+        weights.tensors_in, (weights.WeightsError,), seed_files.models, mutate.bytes_changed, (weights,)
     ),
     "journal": Target(
         readers.in_file("journal.jsonl", readers.read_journal),

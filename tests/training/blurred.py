@@ -51,6 +51,8 @@ def blurred(model: onnx.ModelProto, mean_m: float) -> onnx.ModelProto:
         nodes.append(helper.make_node("Add", ["clean acceleration", "push"], ["acceleration"]))
     del graph.node[:]
     graph.node.extend(nodes)
+    kept = {entry.key: entry.value for entry in model.metadata_props if entry.key not in ("network", "heads")}
+    helper.set_model_props(model, kept)  # it is no network of ours any more
     onnx.checker.check_model(model)
     return model
 
