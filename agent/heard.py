@@ -1,9 +1,11 @@
 """The neighbours of a drone that sees nobody: where others are by their own word, by what their neighbours say of them, and how
 much nearer they may be than that.
 
-What a drone tells on, and what it trades slots by, is what it heard itself, moved on (`find_heard`). To keep clear it also
-takes in those of whom only others have heard lately, and the older what it knows of a drone, the nearer it takes it to be
-(`keep_clear`).
+Others say where a drone is, not how it moves: that follows from where it was before (`take_word`). Without it two that had missed
+each other knew where the other was, and took it to move as it had a second ago: most collisions were such.
+
+What a drone tells on, and what it trades slots by, is of those whom it has heard itself lately (`find_heard`). To keep clear it
+also takes in those of whom only others have, and the older what it knows of a drone, the nearer it takes it to be (`keep_clear`).
 """
 
 import numpy as np
@@ -12,13 +14,14 @@ from numpy.typing import NDArray
 from agent.memory import Memory, put_neighbour
 from agent.tick_arrays import Rules
 from protocols.arithmetic import length
-from protocols.dynamics import TICK_S, Vector, vector
+from protocols.dynamics import TICK_S, Vector, clip_ball, vector
 from protocols.kernels import inlined_kernel
-from protocols.relative import NEVER, RadioRules
+from protocols.relative import RadioRules
 from protocols.wire.sensed import Sensed
 
 _STEADY_S = 0.2  # for so long a drone is taken to accelerate as it did between its last two frames
 _LATE_TICKS = 2  # a frame that comes so much after its time was not lost
+_TURNED = 1.5  # at the end, the velocity of who turns at random has changed by so much more than its mean
 _LASTING = 4  # times as long as a frame is believed, nobody is taken to be gone
 _GROWTH_MPS, _GROWTH_MPS2 = 0.15, 3.0  # of the doubt about where a drone is
 _MOST_M = 0.8  # more doubt than this, and nobody would pass anybody
@@ -38,10 +41,13 @@ def note_acceleration(
 
 
 @inlined_kernel
-def _moved_on(memory: Memory, row: int, other: int, age: int, a_max: float) -> tuple[Vector, Vector]:
-    """Where ``other`` is [m], and its velocity [m/s], ``age`` ticks after its last frame, as far as one can tell."""
-    motion, turning = memory.heard_motion[row, other], memory.heard_acceleration[row, other]
-    t = age * TICK_S
+def _by_news(memory: Memory, row: int, other: int, tick: int, a_max: float) -> tuple[Vector, Vector]:
+    """Where ``other`` is [m], and its velocity [m/s], by the latest news of it, as far as one can tell. How it accelerated is
+    known of its own word alone."""
+    motion, latest, turning = memory.news_motion[row, other], memory.news_tick[row, other], (0.0, 0.0)
+    if latest == memory.heard_tick[row, other]:
+        turning = vector(memory.heard_acceleration[row], other)
+    t = (tick - latest) * TICK_S
     steady = min(t, _STEADY_S)
     faster = steady * min(1.0, a_max / max(length(turning[0], turning[1]), 1e-9))
     farther = faster * (t - 0.5 * steady)
@@ -55,18 +61,54 @@ def _moved_on(memory: Memory, row: int, other: int, age: int, a_max: float) -> t
 def find_heard(
     memory: Memory, row: int, me: int, tick: int, sensed: Sensed, radio: RadioRules, a_max: float
 ) -> None:
-    """Neighbours from frames that are still believed, moved on."""
+    """Neighbours whose frames are still believed, where the latest news of them says, moved on."""
     (px, py), (vx, vy) = vector(sensed.position, row), vector(sensed.velocity, row)
     count = 0
     for other in range(memory.heard_tick.shape[1]):
         age = tick - memory.heard_tick[row, other]
         if other == me or age > radio.memory_ticks or count == memory.near_id.shape[1]:
             continue
-        (x, y), (wx, wy) = _moved_on(memory, row, other, age, a_max)
+        (x, y), (wx, wy) = _by_news(memory, row, other, tick, a_max)
         if (x - px) * (x - px) + (y - py) * (y - py) <= radio.range_m * radio.range_m:
             put_neighbour(memory, row, count, other, (x - px, y - py), (wx - vx, wy - vy))
             count += 1
     memory.near_count[row] = count
+
+
+@inlined_kernel
+def _place(memory: Memory, row: int, other: int, via: int, told: int, where: Vector, rules: Rules) -> None:
+    """Note the word of ``via`` that ``other`` was at ``where`` [m] at tick ``told``. That it was not where it was expected tells
+    how it has turned since the last news, within what a drone can do."""
+    news, later = memory.news_motion[row, other], told - memory.news_tick[row, other]
+    if later > _LASTING * rules.radio.memory_ticks:
+        moves = memory.heard_motion[row, via]  # a swarm moves together
+        news[2], news[3] = moves[2], moves[3]
+    else:
+        a_max, t = rules.limits.max_acceleration, later * TICK_S
+        (x, y), (wx, wy) = _by_news(memory, row, other, told, a_max)
+        turn_x, turn_y = clip_ball(_TURNED * (where[0] - x) / t, _TURNED * (where[1] - y) / t, a_max * t)
+        news[2], news[3] = clip_ball(wx + turn_x, wy + turn_y, rules.radio.speed_mps)
+    news[0], news[1] = where
+    memory.news_tick[row, other] = told
+
+
+@inlined_kernel
+def take_word(memory: Memory, row: int, me: int, sender: int, told: int, rules: Rules) -> None:
+    """After all frames of a tick have been heard: note the news in that of ``sender`` from tick ``told``, if it was believed: of
+    itself, and of those neighbours of it of whom no later word has come and who have been missed."""
+    if memory.heard_tick[row, sender] != told:
+        return
+    said, news = memory.heard_motion[row, sender], memory.news_motion[row, sender]
+    memory.news_tick[row, sender] = told
+    for place in range(4):
+        news[place] = said[place]
+    for entry in range(memory.heard_one_hop[row, sender]):
+        other = int(np.int64(memory.heard_known[row, sender, entry]))
+        missed = told - memory.heard_tick[row, other] > rules.frame_every + _LATE_TICKS
+        if other != me and missed and told > memory.news_tick[row, other]:
+            from_sender = memory.heard_displacement[row, sender, entry]
+            where = (np.float64(said[0]) + from_sender[0], np.float64(said[1]) + from_sender[1])
+            _place(memory, row, other, sender, told, where, rules)
 
 
 @inlined_kernel
@@ -89,42 +131,14 @@ def _keep_clear_of(
 
 @inlined_kernel
 def keep_clear(memory: Memory, row: int, me: int, tick: int, sensed: Sensed, rules: Rules) -> None:
-    """After `find_heard`: place whom the drone has missed by the neighbour that heard it last, remember the others for longer
-    than their frames are believed, and doubt all of it with its age."""
-    radio, a_max = rules.radio, rules.limits.max_acceleration
+    """After `find_heard`: take others to be where the latest news of them says, for longer than frames are believed, and doubt
+    it with its age."""
     (px, py), (vx, vy) = vector(sensed.position, row), vector(sensed.velocity, row)
-    direct, lasting = memory.near_count[row], _LASTING * radio.memory_ticks
-    latest = memory.freshest[row]  # tick of the latest word of each drone, its own or another's
-    for other in range(latest.shape[0]):
-        latest[other] = memory.heard_tick[row, other]
-    for index in range(direct):
-        via = memory.near_id[row, index]
-        for entry in range(memory.heard_one_hop[row, via]):
-            other = memory.heard_known[row, via, entry]
-            latest[other] = max(latest[other], memory.heard_tick[row, via])
-    for index in range(direct):
-        via = memory.near_id[row, index]
-        told = memory.heard_tick[row, via]
-        for entry in range(memory.heard_one_hop[row, via]):
-            other = int(np.int64(memory.heard_known[row, via, entry]))
-            own = memory.heard_tick[row, other]
-            missed = tick - own > rules.frame_every + _LATE_TICKS
-            if other == me or not missed or told <= own or told != latest[other]:
-                continue
-            latest[other] = NEVER  # placed; another that knows as much has nothing to add
-            from_via, ahead = memory.heard_displacement[row, via, entry], (tick - told) * TICK_S
-            like = other if tick - own <= lasting else via  # a swarm moves together
-            said, its = memory.heard_motion[row, via], memory.heard_motion[row, like]
-            rel = (
-                said[0] + from_via[0] + its[2] * ahead - px,
-                said[1] + from_via[1] + its[3] * ahead - py,
-            )
-            _keep_clear_of(memory, row, other, rel, (its[2] - vx, its[3] - vy), tick - told, radio.range_m)
-    for other in range(latest.shape[0]):
-        age = tick - memory.heard_tick[row, other]
-        if other != me and latest[other] == memory.heard_tick[row, other] and age <= lasting:
-            (x, y), (wx, wy) = _moved_on(memory, row, other, age, a_max)
-            _keep_clear_of(memory, row, other, (x - px, y - py), (wx - vx, wy - vy), age, radio.range_m)
+    for other in range(memory.news_tick.shape[1]):
+        age = tick - memory.news_tick[row, other]
+        if other != me and age <= _LASTING * rules.radio.memory_ticks:
+            (x, y), (wx, wy) = _by_news(memory, row, other, tick, rules.limits.max_acceleration)
+            _keep_clear_of(memory, row, other, (x - px, y - py), (wx - vx, wy - vy), age, rules.radio.range_m)
 
 
 @inlined_kernel

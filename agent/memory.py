@@ -17,8 +17,9 @@ class Memory(NamedTuple):
     """Shapes: A hosted drones, N drones of the swarm, K = MAX_NEAR, M = MAX_OBSTACLES.
 
     heard_*: (A, N, ...) what the last frame of each drone said, and how it had accelerated [m/s^2]; heard_relayed only where the
-    policy asks for it. last_seen: (A, N) tick at
-    which anybody, as far as is known here, last heard each drone. hops, rel, freshest, within, within_up_to: multi-hop relative
+    policy asks for it. news_*: (A, N, ...) the latest p [m] and v [m/s] of each drone by its own word or that of others, and its
+    tick (agent.heard); nothing where neighbours are sensed. last_seen: (A, N) tick at which anybody, as far as is known here,
+    last heard each drone. hops, rel, freshest, within, within_up_to: multi-hop relative
     positions (protocols.relative). began: (A,) tick from which the drone has listened.
     near_*: neighbours now, relative position and velocity. disc_*: obstacles, centre in the common frame [m], radius [m],
     and the side on which each is being passed. stalled: (A,) ticks for which the drone has not come nearer to its slot.
@@ -35,6 +36,8 @@ class Memory(NamedTuple):
     heard_count: NDArray[np.int64]
     heard_known: NDArray[np.uint16]
     heard_displacement: NDArray[np.float32]
+    news_tick: NDArray[np.int64]
+    news_motion: NDArray[np.float32]
     last_seen: NDArray[np.int64]
     hops: NDArray[np.int64]
     rel: NDArray[np.float64]
@@ -95,6 +98,8 @@ def empty_memory(rows: int, agents: int, relays: bool = False) -> Memory:
         heard_count=np.zeros((rows, agents), np.int64),
         heard_known=np.zeros((rows, agents, MAX_KNOWN), np.uint16),
         heard_displacement=np.zeros((rows, agents, MAX_KNOWN, 2), np.float32),
+        news_tick=np.full((rows, agents), NEVER),
+        news_motion=np.zeros((rows, agents, 4), np.float32),
         last_seen=np.zeros((rows, agents), np.int64),
         hops=np.full((rows, agents), UNKNOWN),
         rel=np.zeros((rows, agents, 2)),
@@ -118,7 +123,7 @@ def empty_memory(rows: int, agents: int, relays: bool = False) -> Memory:
 
 def forget(memory: Memory, row: int, tick: int) -> None:
     """A restarted drone knows nothing; all others count as seen now, so that it does not take them for dead."""
-    memory.heard_tick[row] = NEVER
+    memory.heard_tick[row] = memory.news_tick[row] = NEVER
     memory.last_seen[row] = memory.began[row] = tick
     memory.disc_count[row] = 0
     memory.stalled[row] = 0

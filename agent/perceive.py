@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.heard import find_heard, keep_clear, note_acceleration
+from agent.heard import find_heard, keep_clear, note_acceleration, take_word
 from agent.memory import Memory, put_neighbour, within_of
 from agent.relay import fixed_point, mean_over_neighbours
 from agent.tick_arrays import Rules, Work
@@ -145,6 +145,10 @@ def perceive_row(
     if rules.by_sensor:
         find_sensed(memory, row, sensed)
     else:
+        for place in range(work.inbox_start[row], work.inbox_start[row + 1]):
+            index = work.inbox[place]
+            sender, told = int(np.int64(frames.sender[index])), int(np.int64(frames.tick[index]))
+            take_word(memory, row, me, sender, told, rules)
         find_heard(memory, row, me, tick, sensed, rules.radio, rules.limits.max_acceleration)
     recall_obstacles(memory, row, sensed, rules.remember_obstacles)
     near = Nearby(memory.near_count[row], memory.near_id[row], memory.near_rel[row])

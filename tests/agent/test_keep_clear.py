@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agent.heard import find_heard, keep_clear, listens, stand_still
+from agent.heard import find_heard, keep_clear, listens, stand_still, take_word
 from agent.memory import Memory, empty_memory, forget
 from agent.perceive import hear_frame
 from agent.rules import rules_of
@@ -34,6 +34,7 @@ def say(
     for place, (other, displacement) in enumerate(near.items()):
         frames.known[0, place], frames.displacement[0, place] = other, displacement
     hear_frame(memory, 0, frames, 0, SLOW.radio)
+    take_word(memory, 0, 0, sender, tick, SLOW)
 
 
 def believed(
@@ -78,6 +79,64 @@ def test_one_that_was_missed_is_where_a_neighbour_says() -> None:
     say(memory, 3, NOW - 45, (5.0, 0.0, 0.0, 0.0))
     say(memory, 4, NOW, (0.0, 2.0, 0.0, 0.0), near={3: (3.0, -2.0)})
     assert believed(memory)[3][0] == pytest.approx([3.0, 0.0])
+
+
+def test_how_one_moves_that_only_others_hear_follows_from_where_they_say_it_was() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 3, NOW - 60, (5.0, 0.0, 0.0, 0.0))  # and then it set off at once, with 3 m/s to the left
+    for age in (40, 20, 0):
+        say(memory, 4, NOW - age, (0.0, 2.0, 0.0, 0.0), near={3: (5.0, 0.03 * (60 - age) - 2.0)})
+    where, how = believed(memory)[3]
+    assert where == pytest.approx([5.0, 1.8])
+    assert how == pytest.approx([0.0, 3.0], abs=0.5)
+
+
+def test_one_that_was_expected_where_others_say_it_is_moves_as_it_did() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 3, NOW - 50, (2.0, 0.0, 4.0, 0.0))
+    say(memory, 4, NOW, (0.0, 2.0, -3.0, 0.0), near={3: (4.0, -2.0)})
+    assert believed(memory)[3][1] == pytest.approx([4.0, 0.0])
+
+
+def test_one_never_heard_is_taken_to_move_like_the_neighbour_that_tells_of_it() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 4, NOW, (0.0, 2.0, 3.0, 0.5), near={3: (4.0, -2.0)})
+    assert believed(memory)[3][1] == pytest.approx([3.0, 0.5])
+
+
+def test_nothing_that_others_say_makes_a_drone_turn_or_fly_faster_than_one_can() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 3, NOW, (1.0, 0.0, 0.0, 0.0))
+    before = [0.0, 0.0]
+    for age in range(20, 200, 20):
+        say(memory, 4, NOW + age, (0.0, 0.0, 0.0, 0.0), near={3: (1.0 + 0.2 * age, 0.0)})  # 20 m/s
+        now = believed(memory, NOW + age).get(3, ([], before))[1]  # beyond 6 m it is nobody's neighbour
+        assert math.dist(before, now) <= 10.0 * 0.2 + 1e-6
+        before = now
+    assert math.hypot(*memory.news_motion[0, 3, 2:]) == pytest.approx(SLOW.radio.speed_mps)
+
+
+def test_one_that_was_missed_is_a_neighbour_where_others_say_while_its_own_frame_is_believed() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 3, NOW - 45, (5.0, 0.0, 0.0, 0.0))
+    say(memory, 4, NOW, (0.0, 2.0, 0.0, 0.0), near={3: (4.0, -2.0), 5: (1.0, 1.0)})
+    find_heard(memory, 0, 0, NOW, empty_sensed(1), SLOW.radio, 10.0)
+    assert memory.near_id[0, : memory.near_count[0]].tolist() == [3, 4]  # and 5 is none: it may be long gone
+    assert memory.near_rel[0, 0].tolist() == pytest.approx([4.0, 0.0])
+
+
+def test_its_own_word_replaces_what_others_said() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 4, NOW - 20, (0.0, 2.0, 3.0, 0.0), near={3: (4.0, -2.0)})
+    say(memory, 3, NOW, (4.2, 0.5, 0.0, 1.0))
+    where, how = believed(memory)[3]
+    assert (where, how) == ([pytest.approx(4.2), 0.5], [0.0, 1.0])
+
+
+def test_a_frame_that_is_not_believed_tells_of_nobody() -> None:
+    memory = empty_memory(1, N)
+    say(memory, 4, NOW, (0.0, 2.0, 999.0, 0.0), near={3: (4.0, -2.0)})
+    assert believed(memory) == {}
 
 
 def test_of_two_who_tell_of_it_the_later_one_counts() -> None:

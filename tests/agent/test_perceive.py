@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from agent.heard import find_heard
+from agent.heard import find_heard, take_word
 from agent.memory import Memory, empty_memory, forget
 from agent.perceive import compose_row, find_sensed, hear_frame, recall_obstacles
+from agent.rules import rules_of
 from agent.tick_arrays import TickArrays
 from protocols.mission.document import parse_mission
 from protocols.relative import NEVER, UNKNOWN, RadioRules
@@ -16,6 +17,7 @@ from tests.parts import empty_parts
 
 N = 10
 RADIO = RadioRules(range_m=6.0, memory_ticks=30, max_hops=3, speed_mps=10.0)
+RULES = rules_of(parse_mission({"agents": N}))._replace(radio=RADIO)
 
 
 def frame(sender: int = 3, tick: int = 500, **fields: object) -> Frames:
@@ -30,6 +32,8 @@ def heard(*frames: Frames) -> Memory:
     memory = empty_memory(1, N)
     for one in frames:
         hear_frame(memory, 0, one, 0, RADIO)
+    for one in frames:
+        take_word(memory, 0, 0, int(one.sender[0]), int(one.tick[0]), RULES)
     return memory
 
 
