@@ -203,7 +203,7 @@ class SlotBook:
         """Find this swap by its agents and its slots, too."""
         self._takings += op.taken
         for agent in (op.agent_a, op.agent_b):
-            swaps = self._swaps_of.get(agent, ())
+            swaps = self.swaps_of(agent)
             at = bisect_left(swaps, op)
             self._swaps_of[agent] = (*swaps[:at], op, *swaps[at:])
         for slot in (op.slot_a, op.slot_b):

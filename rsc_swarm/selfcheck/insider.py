@@ -3,7 +3,6 @@
 The flight code runs as ever; an attack sees the honest answer before it leaves and decides what is said instead.
 """
 
-import gc
 from collections.abc import Callable
 from contextlib import suppress
 from random import Random
@@ -20,7 +19,7 @@ from protocols.wire.frames import altered
 from protocols.wire.lies import Honest, Lie
 from protocols.wire.login import Login
 from protocols.wire.messages import Reply, Tick
-from rsc_swarm.flight.processes import leave_on_sigterm
+from rsc_swarm.flight.processes import be_drone
 from rsc_swarm.flight.world_process import JOIN_S
 
 LEAVES_S = 30.0  # when the world is silent for so long
@@ -133,8 +132,7 @@ class Insider:
 
     def __call__(self, agent: int, endpoint: str, login: Login, policy: str) -> None:
         """Take part as this drone until the flight is over."""
-        gc.set_threshold(100_000)
-        leave = leave_on_sigterm()
+        leave = be_drone()
         with AgentLink(endpoint, login, JOIN_S) as link:
             turned = _Turned(link, endpoint, login, self._attack, self._seed)
             fly(turned, agent, policy, lambda: leave.asked, LEAVES_S, login.seals)
