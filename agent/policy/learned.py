@@ -25,7 +25,7 @@ from agent.policy.learned_kernel import (
     take_plans,
 )
 from agent.policy.model_file import ModelFileError, ModelNote, note_of, read_model
-from agent.policy.network import Network, NetworkError
+from agent.policy.network import Network
 from agent.quick import Quick
 from agent.tick_arrays import TickArrays
 from protocols.kernels import bound, by_reference, rebound
@@ -97,7 +97,7 @@ class Learned(Compiled):
         facts, data = self.model.facts, self.model.data
         try:
             self._opened = Network(facts, data) if facts.network else _foreign(facts, data)
-        except (NetworkError, RuntimeError) as error:
+        except (ModelFileError, RuntimeError) as error:
             raise PolicyError(f"policy: {self.model.path}: cannot be run ({error})") from None
 
     def act_on_arrays(self, tick: int, arrays: TickArrays, wanted: NDArray[np.float64]) -> None:

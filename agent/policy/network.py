@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from agent.observation import WIDE_SIZE
 from agent.policy.layers import Floats, Layer, Normal
 from agent.policy.learned_kernel import Question
-from agent.policy.model_file import ModelNote
+from agent.policy.model_file import ModelFileError, ModelNote
 from agent.policy.network_kernel import Room, Rsc, Stgnn, plan_rsc, plan_stgnn
-from agent.policy.weights import WeightsError, tensors_in
+from agent.policy.weights import tensors_in
 from protocols.kernels import bound, by_reference
 from protocols.wire.frames import OBSERVATION_SIZE
 
@@ -19,15 +19,11 @@ Tensors = Mapping[str, NDArray[np.float32]]
 _TARGET_SIZE = 2
 
 
-class NetworkError(ValueError):
-    """A model file that says that it holds a network of ours, and does not; one line says what is missing."""
-
-
 class Network:
     """What a model file of ours computes, in kernels. It works for one at a time."""
 
     def __init__(self, note: ModelNote, data: bytes) -> None:
-        """Raises NetworkError if the file holds no such network."""
+        """Raises ModelFileError if the file holds no such network."""
         net = _read(note, data)
         self._rule: Callable[..., None] = plan_rsc if isinstance(net, Rsc) else plan_stgnn
         self._net, self._room = by_reference(net), by_reference(_room(net, note))
@@ -47,10 +43,7 @@ class Network:
 @lru_cache(maxsize=4)
 def _read(note: ModelNote, data: bytes) -> Rsc | Stgnn:
     """Read once, the weights are kept: drones forked afterwards share them."""
-    try:
-        weights = _Weights(tensors_in(data))
-    except WeightsError as error:
-        raise NetworkError(f"is damaged: {error}") from None
+    weights = _Weights(tensors_in(data))
     return _rsc(weights, note) if note.kind == "rsc" else _stgnn(weights, note)
 
 
@@ -64,13 +57,15 @@ class _Weights:
         """Of this shape; 0: of any size."""
         tensor = self._tensors.get(name)
         if tensor is None:
-            raise NetworkError(f"it lacks {name}")
+            raise ModelFileError(f"it lacks {name}")
         if len(shape) != tensor.ndim or any(
             want not in (0, has) for want, has in zip(shape, tensor.shape, strict=True)
         ):
-            raise NetworkError(f"{name}: should be of shape {_told(shape)}, but is of {_told(tensor.shape)}")
+            raise ModelFileError(
+                f"{name}: should be of shape {_told(shape)}, but is of {_told(tensor.shape)}"
+            )
         if not np.isfinite(tensor).all():
-            raise NetworkError(f"{name}: holds numbers that are not finite")
+            raise ModelFileError(f"{name}: holds numbers that are not finite")
         return np.ascontiguousarray(tensor)
 
     def layer(self, name: str, inputs: int, outputs: int) -> Layer:
@@ -103,7 +98,7 @@ def _rsc(weights: _Weights, note: ModelNote) -> Rsc:
     width = weights.get(f"{own}.bias", 0).shape[0]
     hidden = weights.get("network.time.feedforward.0.bias", 0).shape[0]
     if width % note.heads:
-        raise NetworkError(f"{note.heads} heads cannot share {width} numbers")
+        raise ModelFileError(f"{note.heads} heads cannot share {width} numbers")
     displacement, acceleration = _points(weights, note.horizon)
     square = {
         name: weights.layer(f"network.{layer}", width, width)

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.policy.model_file import ModelFileError
+
 _GRAPH, _TENSOR = 7, 5
 _DIMS, _KIND, _NAME, _RAW = 1, 2, 8, 9
 _MOST_AXES = 8
@@ -17,15 +19,11 @@ _DTYPES = {1: np.float32, 10: np.float16}
 _HALF = ".half"  # what is kept in half precision is named so (rsc_swarm.training.export)
 
 
-class WeightsError(ValueError):
-    """Bytes that are no such file; they are damaged."""
-
-
 def tensors_in(data: bytes) -> dict[str, NDArray[np.float32]]:
     """All tensors of floating point numbers that a model file holds.
 
     Raises:
-        WeightsError: it is damaged.
+        ModelFileError: it is damaged.
     """
     found: dict[str, NDArray[np.float32]] = {}
     for number, graph in _fields(data):
@@ -52,7 +50,7 @@ def _tensor(data: bytes) -> Iterator[tuple[str, NDArray[np.float32]]]:
         return
     dtype = np.dtype(_DTYPES[kind]).newbyteorder("<")
     if len(shape) > _MOST_AXES or not raw or len(raw) != math.prod(shape) * dtype.itemsize:
-        raise WeightsError(f"a tensor of {shape} numbers has {len(raw)} bytes")
+        raise ModelFileError(f"a tensor of {shape} numbers has {len(raw)} bytes")
     yield (
         name.decode(errors="replace").removesuffix(_HALF),
         np.frombuffer(raw, dtype).astype(np.float32).reshape(shape),
@@ -74,9 +72,9 @@ def _fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
         elif kind in (1, 5):
             size = 8 if kind == 1 else 4
         else:
-            raise WeightsError(f"a field of kind {kind}")
+            raise ModelFileError(f"a field of kind {kind}")
         if at + size > len(data):
-            raise WeightsError("it is cut off")
+            raise ModelFileError("it is cut off")
         yield key >> 3, data[at : at + size]
         at += size
 
@@ -94,10 +92,10 @@ def _number(data: bytes, at: int) -> tuple[int, int]:
     value = 0
     for shift in range(0, 64, 7):
         if at >= len(data):
-            raise WeightsError("it is cut off")
+            raise ModelFileError("it is cut off")
         byte = data[at]
         value |= (byte & 127) << shift
         at += 1
         if byte < 128:
             return value, at
-    raise WeightsError("a number without an end")
+    raise ModelFileError("a number without an end")

@@ -14,7 +14,7 @@ from google.protobuf.message import DecodeError
 
 from agent.policy.learned_kernel import empty_question
 from agent.policy.model_file import ModelFileError, ModelNote, Shapes, note_of, parse_note
-from agent.policy.network import Network, NetworkError
+from agent.policy.network import Network
 from agent.policy.session import Session
 from protocols.errors import ExitCode, SwarmError
 from protocols.foreign_file import read_file
@@ -82,7 +82,7 @@ def _compare_plans(note: ModelNote, data: bytes) -> None:
             plan = np.zeros((2, _ASKED, note.horizon, 2), np.float32)
             model.plan(0, _ASKED, asked, *plan)
             plans.append(plan)
-    except (NetworkError, RuntimeError) as error:
+    except (ModelFileError, RuntimeError) as error:
         raise ModelFileError(f"cannot be run ({error})") from None
     off = float(np.abs(plans[0] - plans[1]).max())
     if not off <= _TOLERANCE * max(1.0, float(np.abs(plans[1]).max())):

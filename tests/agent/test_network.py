@@ -12,10 +12,18 @@ from agent.policy import network_kernel
 from agent.policy.base import PolicyError
 from agent.policy.learned import Learned
 from agent.policy.learned_kernel import Question, empty_question
-from agent.policy.model_file import SHIPPED, Model, ModelNote, note_of, read_model, shipped_models
+from agent.policy.model_file import (
+    SHIPPED,
+    Model,
+    ModelFileError,
+    ModelNote,
+    note_of,
+    read_model,
+    shipped_models,
+)
 from agent.policy.network import Network
 from agent.policy.session import Session
-from agent.policy.weights import WeightsError, tensors_in
+from agent.policy.weights import tensors_in
 from protocols import machine_code
 from protocols.kernels import Kernel
 from protocols.mission.document import parse_mission
@@ -137,11 +145,11 @@ def test_a_tensor_of_a_shape_that_cannot_be_is_refused(shape: list[int]) -> None
     data = ModelProto(graph=GraphProto(initializer=[tensor])).SerializeToString()
     assert tensors_in(data)["a"] == 0
     tensor.dims.extend(size if size < 2**63 else size - 2**64 for size in shape)
-    with pytest.raises(WeightsError):
+    with pytest.raises(ModelFileError):
         tensors_in(ModelProto(graph=GraphProto(initializer=[tensor])).SerializeToString())
 
 
 @pytest.mark.parametrize("size", [1, 100, 5_000, 500_000])
 def test_a_file_that_is_cut_off_is_found_out(size: int) -> None:
-    with pytest.raises(WeightsError):
+    with pytest.raises(ModelFileError):
         tensors_in(shipped("rsc-h1").data[:-size])

@@ -230,7 +230,7 @@ TARGETS = {
         (model_file._read, model_file.parse_note, model_file.ModelNote.shapes),
     ),
     "weights": Target(
-        weights.tensors_in, (weights.WeightsError,), seed_files.models, mutate.bytes_changed, (weights,)
+        weights.tensors_in, (ModelFileError,), seed_files.models, mutate.bytes_changed, (weights,)
     ),
     "journal": Target(
         readers.in_file("journal.jsonl", readers.read_journal),
