@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-RULES = {"kernel", "inlined_kernel", "allocating_kernel"}
+RULES = {"kernel", "inlined_kernel", "wide_kernel", "allocating_kernel"}
 # What IEEE 754 rounds in one way only, or rounds nothing; the rest of both modules is not for rules.
 OF_MATH = {
     "sqrt",

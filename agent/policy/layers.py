@@ -83,7 +83,7 @@ def _two_rows(x: Floats, row: int, layer: Layer, out: Floats) -> None:
             out[row + 1, j] += e * weight[i, j]
 
 
-@inlined_kernel
+@kernel
 def rectify(out: Floats, rows: int, columns: int, slope: np.float32) -> None:
     """Negative numbers among ``out[:rows, :columns]``, times ``slope``."""
     for row in range(rows):
@@ -99,7 +99,7 @@ def z_score(value: np.float32, normal: Normal, index: int) -> np.float32:
     return min(max(score, -_CLIP), _CLIP)
 
 
-@inlined_kernel
+@kernel
 def layer_norm(x: Floats, normal: Normal) -> None:
     """Bring ``x[0]`` to a mean of 0 and a variance of 1, then to ``normal``."""
     size, total, squares = normal.mean.shape[0], 0.0, 0.0

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 import psutil
 
+from agent.policy.learned_kernel import empty_question
 from agent.policy.model_file import SHIPPED, read_model
-from agent.policy.session import open_session
+from agent.policy.network import Network
 from agent.slot_endpoints import make_endpoint
 from protocols.dynamics import TICK_S
 from protocols.errors import BrokenError
@@ -85,7 +86,7 @@ def bench(
             _mission(size, quick) if quick else Mission(agents=size)
         )
     say("the policy's model")
-    return figures | _model_call()  # last: a process that has opened a model must not fork
+    return figures | _model_call()
 
 
 def _mission(agents: int, quick: bool) -> Mission:
@@ -202,13 +203,14 @@ def _flown(launched: list[Launched], echoes: list[float]) -> dict[str, Any]:
 def _model_call() -> dict[str, Any]:
     """One drone's question to the default policy's model."""
     model = read_model(SHIPPED / f"{POLICIES[0]}.onnx")
-    session = open_session(model.data)
-    wanted = [(value.name, model.facts.shapes[value.name]) for value in session.get_inputs()]
-    question = {name: np.zeros((1, *shape[1:]), np.float32) for name, shape in wanted}
+    note = model.facts
+    asked = empty_question(1, note.past, note.neighbours, note.rounds)
+    asked.share[:] = 1.0 / note.neighbours
+    plan = Network(note, model.data).bound(asked, *np.zeros((2, 1, note.horizon, 2), np.float32))
     spans = []
     for _ in range(2000):
         began = time.perf_counter_ns()
-        session.run(None, question)
+        plan()
         spans.append(time.perf_counter_ns() - began)
     return {"model_call_ms": median(spans) / 1e6}
 
