@@ -122,7 +122,7 @@ class Machine:
         # There is no journal: what a service says is in a file.
         self.change("service", "[Service]\nStandardOutput=append:/var/log/%n\nStandardError=inherit\n")
         command = self._bin / "rsc-swarm"
-        command.write_text(_COMMAND.format(python=Path(sys.executable).name))
+        command.write_text(_COMMAND.format(python=Path(sys.executable).resolve().name))
         command.chmod(0o755)
         if kept := cache_folder():
             shutil.copytree(kept, folder / "root.cache")
@@ -137,13 +137,12 @@ class Machine:
 
     def __enter__(self) -> Self:
         site = sysconfig.get_path("purelib")
-        shown = {
-            "/usr": "/usr",
-            sys.base_prefix: f"{_HOME}/python",
-            site: f"{_HOME}/site",
-            str(PROJECT): f"{_HOME}/src",
-        }
-        places = map(":".join, shown.items())
+        places = (
+            "/usr:/usr",
+            f"{sys.base_prefix}:{_HOME}/python",  # which may be /usr, too
+            f"{site}:{_HOME}/site",
+            f"{PROJECT}:{_HOME}/src",
+        )
         kinds = ("mount", "pid", "net", "cgroup", "uts", "ipc", "fork", "kill-child")
         self._manager = subprocess.Popen(
             ["unshare", *(f"--{kind}" for kind in kinds), "bash", "-c", _ROOM, "room", str(self._root), *places],
